@@ -1,0 +1,57 @@
+# make setup   .venv with the package, its Jazzy wheels and the tools      make test   lint, types, all tests
+# make demo    the arm live, an MCAP log and plots in demo/                make lint   only lint and types
+# Another Python: make PYTHON=/path/to/python3.12 setup
+
+SHELL := bash
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.cable_ros_installed
+EXTRAS := ros,robot,plot,dev
+LOGS := $(CURDIR)/build/ros_log
+
+# One thread per process: the solver is single-threaded, and tests start several processes.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+export ROS_LOG_DIR ?= $(LOGS)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+# The first Python 3.10-3.13 that can make a virtual environment.
+find_python = for python in $(PYTHON) python3 python3.12 python3.11 python3.13 python3.10; do \
+	"$$python" -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
+	2>/dev/null && { command -v "$$python"; break; }; done; true
+
+.PHONY: setup test lint demo clean
+
+setup: $(STAMP)
+
+$(BIN)/python:
+	@python=$$($(find_python)); \
+	if [ -z "$$python" ]; then \
+		echo "make setup needs Python 3.10 to 3.13 with its venv module; on Debian and Ubuntu:" \
+			"sudo apt install python3-venv; elsewhere: make PYTHON=/path/to/python3.12 setup" >&2; \
+		exit 1; \
+	fi; \
+	echo "Making $(VENV) with $$("$$python" --version)"; \
+	"$$python" -m venv $(VENV)
+
+$(STAMP): setup.py pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable ".[$(EXTRAS)]"
+	@touch $@
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+test: lint
+	@mkdir -p "$$ROS_LOG_DIR"
+	$(BIN)/python -m pytest
+
+demo: setup
+	@mkdir -p "$$ROS_LOG_DIR"
+	$(BIN)/python -m cable_ros.cli.main demo --out demo/
+
+clean:
+	rm -rf build install log demo .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -1,0 +1,62 @@
+"""Build of cable_ros: an ament_python package for colcon, and a plain Python package for pip."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = "cable_ros"
+
+# The Jazzy wheels, for machines without ROS. Pinned: unpinned, some of them would be another distribution's.
+ROS_JAZZY = [
+    "ros-jazzy-rclpy==7.1.6",
+    "ros-jazzy-common-interfaces==5.3.6",
+    "ros-rclpy[fastrtps]==7.1.6",
+    "ros-rmw-fastrtps-cpp==8.4.3",
+    "ros-sensor-msgs==5.3.6",
+    "ros-ament-index-python==1.8.1",
+]
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="What an externally mounted cable does to its robot, live: joint states in, wrench out",
+    license="Apache-2.0",
+    maintainer="cable_ros maintainers",
+    maintainer_email="cable_ros@example.org",
+    python_requires=">=3.10",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
+        (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.py"))),
+    ],
+    install_requires=["numpy>=1.26", "scipy", "numba", "pyyaml", "mcap>=1.5", "tqdm"],
+    extras_require={
+        "ros": ROS_JAZZY,
+        "robot": ["pin"],
+        "plot": ["matplotlib"],
+        "dev": [
+            "pytest>=7.4",
+            "pytest-timeout",
+            "hypothesis",
+            "mcap-ros2-support",
+            "rosbags",
+            "colcon-common-extensions",
+            "colcon-ros",
+            "setuptools<80",
+            "ruff==0.17.5",
+            "mypy==2.4.1",
+            "types-PyYAML",
+        ],
+    },
+    entry_points={
+        "console_scripts": [
+            "cable = cable_ros.cli.main:main",
+            "cable_node = cable_ros.ros.cable_node:main",
+            "cable_replay = cable_ros.ros.replay_node:main",
+        ],
+    },
+    zip_safe=False,
+)
