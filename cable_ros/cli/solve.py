@@ -1,0 +1,121 @@
+"""`cable solve`: the equilibrium at one pose."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import enum
+import json
+import math
+import sys
+from typing import TYPE_CHECKING, Any
+
+from cable_ros.cli._arguments import joint_values, named_quantity, relative_tolerance
+
+if TYPE_CHECKING:
+    from cable_ros.equilibrium import Equilibrium
+
+EXAMPLE = """example:
+  cable solve config/space_arm.yaml --joint orientation=30deg
+  cable solve config/space_arm.yaml --joint orientation=0.5 --json | jq .camera_cable.end_wrench
+
+exit code: 0 when every cable's equilibrium can be trusted, else 1"""
+
+PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n", 3: "k", 6: "M"}
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    parser = subparsers.add_parser(
+        "solve",
+        help="the equilibrium at one pose",
+        description="Solve each cable of a scene at one pose of the robot, and print what it does there.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("scene", metavar="SCENE", help="scene file (YAML)")
+    parser.add_argument(
+        "--joint",
+        metavar="NAME=VALUE",
+        type=named_quantity,
+        action="append",
+        default=[],
+        help="joint value, rad or m; 30deg for degrees; once for each joint",
+    )
+    parser.add_argument(
+        "--tolerance",
+        metavar="T",
+        type=relative_tolerance,
+        default=1e-4,
+        help="relative error of the end wrench that is acceptable (default 1e-4)",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON with the field names of Equilibrium")
+
+
+def run(args: argparse.Namespace) -> int:
+    from cable_ros.scene import load_scene
+    from cable_ros.tracker import Tracker
+
+    tracker = Tracker(load_scene(args.scene), tolerance=args.tolerance)
+    equilibria = tracker.solve(joint_values(args.joint, tracker.joint_names))
+    if args.json:
+        print(json.dumps({name: as_json(found) for name, found in equilibria.items()}, indent=2))
+    else:
+        print("\n\n".join(describe(name, found) for name, found in equilibria.items()))
+    refused = {name: found for name, found in equilibria.items() if not found.status.trusted}
+    for name, found in refused.items():
+        print(f"cable solve: {name}: {found.message}", file=sys.stderr)
+    return 1 if refused else 0
+
+
+def describe(name: str, found: Equilibrium) -> str:
+    """The equilibrium as a person reads it; no number when it cannot be trusted."""
+    title = f"{name}: {found.message}"
+    if not found.status.trusted:
+        return title
+    turn = math.degrees(found.total_twist)
+    return "\n".join(
+        [
+            title,
+            "",
+            "  what the cable exerts on the body at each clamp, about the clamp point, in the clamp's frame",
+            "           " + "".join(f"{head:>12}" for head in ("Fx", "Fy", "Fz", "Mx", "My", "Mz")),
+            _wrench_line("end", found.end_wrench),
+            _wrench_line("start", found.start_wrench),
+            "",
+            f"  energy            {engineering(found.energy, 'J')}  (elastic and weight)",
+            f"  total twist       {found.total_twist:.4f} rad  ({turn:.1f} deg; names the branch)",
+            f"  stability margin  {found.stability_margin:.3g}  (0 at a fold)",
+            f"  error estimate    {found.error_estimate:.1e} of the end wrench",
+            f"  effort            {found.iterations} iterations, {engineering(found.solve_time, 's')}",
+        ]
+    )
+
+
+def engineering(value: float, unit: str) -> str:
+    """The value with four digits and the unit with a prefix, as 42.11 mJ."""
+    power = math.floor(math.log10(abs(value)) / 3) * 3 if value and math.isfinite(value) else 0
+    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    return f"{value / 10.0**power:.4g} {PREFIXES[power]}{unit}"
+
+
+def as_json(found: Equilibrium) -> dict[str, Any]:
+    """The fields by name; arrays as lists, the status by its name, NaN and infinity as null."""
+    return {field.name: _plain(getattr(found, field.name)) for field in dataclasses.fields(found)}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, enum.Enum):
+        return value.name
+    if hasattr(value, "tolist"):  # NumPy arrays and numbers
+        value = value.tolist()
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _wrench_line(clamp: str, wrench: Any) -> str:
+    force = "".join(f"{value:>12.5g}" for value in wrench[:3])
+    moment = "".join(f"{value:>12.5g}" for value in wrench[3:])
+    return f"  {clamp:<9}{force}{moment}   N, N m"

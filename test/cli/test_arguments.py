@@ -1,0 +1,83 @@
+"""Joint values and ranges as they are typed."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+import numpy as np
+import pytest
+
+from cable_ros.cli._arguments import (
+    CommandError,
+    joint_values,
+    named_quantity,
+    named_range,
+    quantity,
+    relative_tolerance,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("0.5", 0.5), ("-1e-3", -1e-3), ("0.5rad", 0.5), ("30deg", math.pi / 6), ("-90 deg", -math.pi / 2)],
+)
+def test_quantity(text, value):
+    assert quantity(text) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["", "deg", "30°", "inf", "nan", "1,2", "half"])
+def test_no_quantity(text):
+    with pytest.raises(argparse.ArgumentTypeError, match=r"not (a number|finite)"):
+        quantity(text)
+
+
+def test_named_quantity():
+    assert named_quantity("orientation=-90deg") == ("orientation", -math.pi / 2)
+    for text in ("orientation", "=3", "orientation="):
+        with pytest.raises(argparse.ArgumentTypeError, match="NAME=VALUE"):
+            named_quantity(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "count", "first", "last"),
+    [
+        ("a=-90:90:0.5deg", 361, -math.pi / 2, math.pi / 2),
+        ("a=0:1:0.1", 11, 0, 1),
+        ("a=1:0:-0.25", 5, 1, 0),
+        ("a=0:1:0.3", 4, 0, 0.9),
+        ("a=2:2:1", 1, 2, 2),
+        ("a=10deg", 1, math.pi / 18, math.pi / 18),
+        ("a=1,3,2", 3, 1, 2),
+    ],
+)
+def test_named_range_includes_both_ends(text, count, first, last):
+    name, values = named_range(text)
+    assert name == "a"
+    assert len(values) == count
+    # A few roundings of numbers of size 2.
+    assert values[[0, -1]] == pytest.approx([first, last], abs=1e-14)
+
+
+@pytest.mark.parametrize("text", ["a=0:1", "a=0:1:0", "a=0:1:-0.1", "a=0:1:1e-9", "a=0:x:1", "a=1,,2", "a"])
+def test_bad_ranges(text):
+    with pytest.raises(argparse.ArgumentTypeError):
+        named_range(text)
+
+
+def test_relative_tolerance():
+    assert relative_tolerance("1e-7") == 1e-7
+    for text in ("0", "-1e-4", "1", "nan"):
+        with pytest.raises(argparse.ArgumentTypeError):
+            relative_tolerance(text)
+
+
+def test_joint_values_are_exactly_the_needed_ones():
+    assert joint_values([("b", 1.0), ("a", 2.0)], ["a", "b"]) == {"a": 2.0, "b": 1.0}
+    with pytest.raises(CommandError, match="'c' moves no cable; those that do: a, b"):
+        joint_values([("c", 1.0)], ["a", "b"])
+    with pytest.raises(CommandError, match="more than once"):
+        joint_values([("a", 1.0), ("a", 1.0)], ["a"])
+    with pytest.raises(CommandError, match="--joint b=VALUE"):
+        joint_values([("a", 1.0)], ["a", "b"])
+    assert np.all(joint_values([], []) == {})
