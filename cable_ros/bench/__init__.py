@@ -1,0 +1,1 @@
+"""Benchmarks that a user can run: what an equilibrium is worth, checked by independent means."""
