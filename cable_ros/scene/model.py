@@ -1,0 +1,73 @@
+"""What there is: cables, their mounts and the robot that moves them. SI units, quaternions x y z w."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Mount:
+    """A clamp: a frame whose z axis is the cable's tangent, pointing from the cable's start to its end."""
+
+    position: np.ndarray
+    """(3,) clamp point in the link's frame, or in the world where there is no link, m."""
+    orientation: np.ndarray
+    """(4,) unit quaternion x y z w of the clamp's frame in the same frame."""
+    link: str | None = None
+    """Link of the robot that carries the clamp; None: fixed in the world."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cable:
+    """One cable: straight and untwisted when unloaded, inextensible, clamped at both ends."""
+
+    name: str
+    """Also its part of the topic names."""
+    length: float
+    """m."""
+    stiffness: np.ndarray
+    """(3,) bending about the section's x and y axes and torsion: EIx, EIy, GJ, N m^2."""
+    linear_density: float
+    """kg/m."""
+    start: Mount
+    end: Mount
+    diameter: float | None = None
+    """m; None where the scene gives the stiffness itself."""
+    total_twist: float | None = None
+    """Hint, rad: the branch to start on; None: the stable equilibrium of least energy that is found."""
+
+    @property
+    def mounts(self) -> tuple[Mount, Mount]:
+        """Start, end."""
+        return self.start, self.end
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """The robot's description."""
+
+    urdf: str
+    """The URDF's text."""
+    source: str
+    """Where it comes from, for messages."""
+    path: Path | None = None
+    """Its file; None where the text was given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All that a tracker needs to know before the first joint state."""
+
+    cables: tuple[Cable, ...]
+    gravity: np.ndarray
+    """(3,) world, m/s^2."""
+    robot: Robot | None
+    text: str
+    """The scene's YAML text, as it was read."""
+    path: Path | None
+    """The scene's file; None where it was given as a mapping."""
+    source: str
+    """How messages name the scene."""

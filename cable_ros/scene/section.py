@@ -1,0 +1,133 @@
+"""Typed reading of one mapping of a scene, every mistake told with its place."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+
+from cable_ros.scene.errors import SceneError, suggestion
+
+
+@dataclass(frozen=True)
+class Size:
+    """What a physical number may be: its unit, its bounds, and the slip that a number outside hints at."""
+
+    unit: str
+    low: float
+    high: float
+    too_low: str = ""
+    too_high: str = ""
+
+
+class Section:
+    """A mapping in a scene, with its place there and the fields that it may have.
+
+    Every method raises `SceneError` where the value is not what it must be.
+    """
+
+    def __init__(self, values: Any, source: str, place: str, fields: Sequence[str]) -> None:
+        self.source = source
+        self.place = place
+        self.fields = tuple(fields)
+        if not isinstance(values, Mapping):
+            self.fail(f"must be a mapping with the fields {', '.join(fields)}, not {describe(values)}")
+        self.values = values
+        for name in values:
+            if name not in self.fields:
+                hint = suggestion(str(name), self.fields) or f"; the fields here are {', '.join(self.fields)}"
+                raise SceneError(source, self.at(str(name)), f"there is no such field{hint}")
+
+    def at(self, name: str) -> str:
+        """Field path of a field of this section."""
+        return f"{self.place}.{name}" if self.place else name
+
+    def fail(self, message: str, name: str = "") -> NoReturn:
+        """Raise a SceneError at this section or at its field `name`."""
+        raise SceneError(self.source, self.at(name) if name else self.place, message)
+
+    def __contains__(self, name: str) -> bool:
+        return self.values.get(name) is not None
+
+    def get(self, name: str, remedy: str) -> Any:
+        """The value as it stands; `remedy` tells what to add where it is missing."""
+        value = self.values.get(name)
+        if value is None:
+            self.fail(f"this field is missing; give {remedy}", name)
+        return value
+
+    def text(self, name: str, remedy: str) -> str:
+        """A non-empty text."""
+        value = self.get(name, remedy)
+        if not isinstance(value, str) or not value.strip():
+            self.fail(f"must be a text, not {describe(value)}; give {remedy}", name)
+        return value
+
+    def number(self, name: str, remedy: str, size: Size | None = None) -> float:
+        """A finite number within `size`."""
+        return self._check(self.get(name, remedy), name, remedy, size)
+
+    def vector(self, name: str, length: int, remedy: str, size: Size | None = None) -> np.ndarray:
+        """(length,) finite numbers, each within `size`."""
+        value = plain(self.get(name, remedy))
+        if not isinstance(value, list) or len(value) != length:
+            self.fail(f"must be a list of {length} numbers, not {describe(value)}; give {remedy}", name)
+        out = np.array([self._check(v, f"{name}[{i}]", remedy, size) for i, v in enumerate(value)])
+        out.setflags(write=False)
+        return out
+
+    def items(self, name: str, remedy: str) -> list[Any]:
+        """A non-empty list."""
+        value = plain(self.get(name, remedy))
+        if not isinstance(value, list) or not value:
+            self.fail(f"must be a list with at least one entry, not {describe(value)}; give {remedy}", name)
+        return value
+
+    def _check(self, value: Any, name: str, remedy: str, size: Size | None) -> float:
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            self.fail(f"must be a number, not {describe(value)}; give {remedy}", name)
+        number = float(value)
+        if not math.isfinite(number):
+            self.fail(f"must be finite, not {number}; give {remedy}", name)
+        if size is None:
+            return number
+        if number < 0 <= size.low:
+            self.fail(f"must not be negative, but is {number:g} {size.unit}; give {remedy}", name)
+        if not size.low <= number <= size.high:
+            slip = size.too_low if number < size.low else size.too_high
+            self.fail(
+                f"{number:g} {size.unit} is outside {size.low:g} to {size.high:g} {size.unit}"
+                f"{'; ' + slip if slip else ''}; give {remedy}",
+                name,
+            )
+        return number
+
+
+def plain(value: Any) -> Any:
+    """Arrays, tuples and NumPy scalars as the lists and numbers that YAML has."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {key: plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return value
+
+
+def describe(value: Any) -> str:
+    """A value as a reader of the scene would call it."""
+    if value is None:
+        return "empty"
+    if isinstance(value, bool):
+        return f"the truth value {str(value).lower()}"
+    if isinstance(value, str):
+        return f"the text '{value[:40]}'"
+    if isinstance(value, Mapping):
+        return "a mapping"
+    if isinstance(value, list | tuple | np.ndarray):
+        return f"a list of {len(value)}"
+    return f"{value}"
