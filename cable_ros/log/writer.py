@@ -1,0 +1,209 @@
+"""Writes messages to MCAP files from a thread of its own, so that the caller never waits for a disk."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+
+from cable_ros.log.cdr import JOINT_STATE, trim_joint_state
+from cable_ros.log.definitions import message_definition
+from cable_ros.log.errors import RECOVER, LogError, describe
+from cable_ros.log.part import Contents, Part, Topic
+
+_POLL_SECONDS = 0.02
+# The thread lets go of the interpreter after so many messages (about 50 us), so that a callback that
+# became ready meanwhile does not wait for the whole backlog.
+_BURST = 16
+_PAUSE_SECONDS = 50e-6
+_OVERHEAD_BYTES = 250  # of a queued tuple with its integers and the header of its bytes
+_CLOSE_SECONDS = 10.0
+
+_Item = tuple[Topic, int, bytes, int, int]
+
+
+class LogWriter:
+    """A log of ROS 2 messages in CDR, readable by rosbag2, Foxglove and any MCAP library.
+
+    `path`: the first file; further ones, when it is split, are called `<stem>_1.mcap`, `<stem>_2.mcap`, ...
+    Each is whole by itself, and called `.mcap.part` until it is.
+    `attachments`: file name -> text, such as the scene; `metadata`: record name -> entries. In every file.
+    `max_bytes`, `max_seconds`: where a file is split; 0 for never. The index of an open file is kept in
+    memory (about 1 kB for each chunk), which the default size bounds at a few MB.
+    `queue_bytes`: bound of what waits for the disk; beyond it messages are dropped and counted.
+    `chunk_bytes`, `chunk_seconds`: a chunk is closed, and goes to the operating system, at this size
+    (before compression) or age: what a killed process loses at most.
+    `sync_seconds`: how often the disk itself is made to take it: what a power cut loses at most. Five
+    seconds is ext4's own commit interval; more often costs an SD card wear and gains little.
+
+    `write` is meant to be called from one thread at a time.
+
+    Raises: LogError where the file cannot be made, exists, or its folder is not writable.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        attachments: Mapping[str, str] | None = None,
+        metadata: Mapping[str, Mapping[str, str]] | None = None,
+        max_bytes: int = 1 << 30,
+        max_seconds: float = 0.0,
+        queue_bytes: int = 32 << 20,
+        chunk_bytes: int = 128 << 10,
+        chunk_seconds: float = 0.5,
+        sync_seconds: float = 5.0,
+    ) -> None:
+        self._base = Path(path)
+        if self._base.suffix != ".mcap":
+            raise LogError(f"Cannot write {self._base}: a log's name ends in '.mcap'.")
+        self._contents = Contents(dict(attachments or {}), dict(metadata or {}))
+        self._max_bytes = max_bytes
+        self._max_seconds = max_seconds
+        self._queue_bytes = queue_bytes
+        self._chunk_bytes = chunk_bytes
+        self._chunk_seconds = chunk_seconds
+        self._sync_seconds = sync_seconds
+
+        self.dropped = 0
+        """Messages not logged, for a full queue or after `error`."""
+        self.written = 0
+        """Messages handed to the file."""
+        self.error: str | None = None
+        """Why the log stopped, as one sentence; None while all is well."""
+        self.paths: list[Path] = []
+        """Files finished so far."""
+
+        self._topics: dict[str, Topic] = {}
+        self._queue: deque[_Item] = deque()
+        # Two counters with one writer each need no lock.
+        self._bytes_in = 0
+        self._bytes_out = 0
+        self._stop = threading.Event()
+        self._part = Part(self._base, self._contents, chunk_bytes)
+        self._thread = threading.Thread(target=self._run, name="log_writer", daemon=True)
+        self._thread.start()
+
+    @property
+    def path(self) -> Path:
+        """The file that is being written, under the name that it will have when it is whole."""
+        return self._part.path
+
+    @property
+    def queued_bytes(self) -> int:
+        """Bytes that wait for the disk, at most `queue_bytes`."""
+        return self._bytes_in - self._bytes_out
+
+    def add_topic(self, topic: str, type_name: str, offered_qos: str = "") -> Topic:
+        """Announce a topic ahead of its first message; needed only to give its QoS (`qos_to_yaml`).
+
+        Raises: LogError for an unknown type, or a topic that was announced with another type.
+        """
+        known = self._topics.get(topic)
+        if known is None:
+            message_definition(type_name)
+            known = self._topics[topic] = Topic(topic, type_name, offered_qos)
+        elif known.type_name != type_name:
+            raise LogError(f"Topic {topic} is logged as {known.type_name} and cannot be {type_name} as well.")
+        return known
+
+    def write(
+        self, topic: str, type_name: str, cdr: bytes, log_time_ns: int, publish_time_ns: int | None = None
+    ) -> bool:
+        """Queue one serialised message; never blocks. False where it was dropped.
+
+        `cdr` is kept, not copied, so it has to be immutable. `log_time_ns` is the clock of replay;
+        `publish_time_ns` is the same unless given.
+
+        Raises: LogError for an unknown type, at a topic's first message.
+        """
+        entry = self._topics.get(topic)
+        if entry is None or entry.type_name != type_name:
+            entry = self.add_topic(topic, type_name)
+        sequence = entry.sequence
+        entry.sequence = sequence + 1
+        size = len(cdr) + _OVERHEAD_BYTES
+        if not self._thread.is_alive() or self._bytes_in - self._bytes_out + size > self._queue_bytes:
+            self.dropped += 1
+            return False
+        self._bytes_in += size
+        self._queue.append(
+            (entry, sequence, cdr, log_time_ns, log_time_ns if publish_time_ns is None else publish_time_ns)
+        )
+        return True
+
+    def close(self) -> None:
+        """Write what is queued, finish the file, stop the thread. What failed is then in `error`."""
+        self._stop.set()
+        self._thread.join(_CLOSE_SECONDS)
+        if self._thread.is_alive() and self.error is None:
+            self.error = (
+                f"Cannot write {self.path}: the disk did not answer for {_CLOSE_SECONDS:.0f} s;"
+                f" {RECOVER.format(path=self._part.unfinished)}."
+            )
+
+    def __enter__(self) -> LogWriter:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        try:
+            self._write_until_stopped()
+        except LogError as error:
+            self.error = str(error)
+        except OSError as error:
+            self.error = describe(error, self.path, "write").removesuffix(".") + (
+                f"; {RECOVER.format(path=self._part.unfinished)}."
+            )
+            self._part.abandon()
+        finally:
+            self.dropped += len(self._queue)
+            self._queue.clear()
+
+    def _write_until_stopped(self) -> None:
+        opened = chunk_closed = synced = time.monotonic()
+        pending = False
+        while True:
+            stopping = self._stop.wait(_POLL_SECONDS)
+            pending |= self._drain()
+            now = time.monotonic()
+            if pending and now - chunk_closed >= self._chunk_seconds:
+                self._part.close_chunk()
+                chunk_closed, pending = now, False
+            if now - synced >= self._sync_seconds:
+                self._part.sync()
+                synced = now
+            if stopping and not self._queue:
+                self._part.finish()
+                self.paths.append(self._part.path)
+                return
+            too_old = self._max_seconds and now - opened >= self._max_seconds
+            if too_old or (self._max_bytes and self._part.size >= self._max_bytes):
+                self._split()
+                opened = chunk_closed = synced = now
+                pending = False
+
+    def _drain(self) -> bool:
+        """Hand what is queued to the file; True where there was something."""
+        waiting = len(self._queue)
+        for i in range(waiting):
+            topic, sequence, cdr, log_time, publish_time = self._queue.popleft()
+            queued = len(cdr) + _OVERHEAD_BYTES
+            if topic.type_name == JOINT_STATE:
+                cdr = trim_joint_state(cdr)
+            self._part.add(topic, sequence, cdr, log_time, publish_time)
+            self._bytes_out += queued
+            self.written += 1
+            if i % _BURST == _BURST - 1 and self.queued_bytes < self._queue_bytes // 4:
+                time.sleep(_PAUSE_SECONDS)
+        return waiting > 0
+
+    def _split(self) -> None:
+        self._part.finish()
+        self.paths.append(self._part.path)
+        path = self._base.with_name(f"{self._base.stem}_{len(self.paths)}.mcap")
+        self._part = Part(path, self._contents, self._chunk_bytes)
