@@ -124,9 +124,9 @@ def refine(
     scale_f = max(1.0, float(np.abs(force).max()))
     scale = np.concatenate([np.ones(6), np.full(3, scale_f), np.full(3, max(1.0, scale_f**0.5))])
     h = np.diff(s)
-    converged, k = False, 0
+    converged, done = False, 0
     maps = np.empty((len(h), 12, 12))
-    for k in range(1, iterations + 1):
+    for done in range(1, iterations + 1):  # noqa: B007
         end_state, maps = _propagate(r, frames, force, moment, h, load, compliance)
         gap = _gap(end_state, (r[1:], frames[1:], force[1:], moment[1:]))
         if not np.all(np.isfinite(gap)):
@@ -142,7 +142,7 @@ def refine(
             converged = True
             break
     if not converged:
-        return _failed(k)
+        return _failed(done)
 
     true_start = np.concatenate([frames[0].T @ force[0], frames[0].T @ moment[0]]) * units
     true_end = -np.concatenate([frames[-1].T @ force[-1], frames[-1].T @ moment[-1]]) * units
@@ -165,7 +165,7 @@ def refine(
         shape_error=_distance(points, orientations, shape, rod.length),
         end_wrench=true_end,
         start_wrench=true_start,
-        iterations=k,
+        iterations=done,
         shape=shape,
     )
 

@@ -1,0 +1,1 @@
+"""Equilibria known without the solver: closed forms and independent boundary-value solutions."""
