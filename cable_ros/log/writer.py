@@ -89,7 +89,7 @@ class LogWriter:
     @property
     def path(self) -> Path:
         """The file that is being written, under the name that it will have when it is whole."""
-        return self._part.path
+        return self._part.file.path
 
     @property
     def queued_bytes(self) -> int:
@@ -141,7 +141,7 @@ class LogWriter:
         if self._thread.is_alive() and self.error is None:
             self.error = (
                 f"Cannot write {self.path}: the disk did not answer for {_CLOSE_SECONDS:.0f} s;"
-                f" {RECOVER.format(path=self._part.unfinished)}."
+                f" {RECOVER.format(path=self._part.file.part_path)}."
             )
 
     def __enter__(self) -> LogWriter:
@@ -157,9 +157,12 @@ class LogWriter:
             self.error = str(error)
         except OSError as error:
             self.error = describe(error, self.path, "write").removesuffix(".") + (
-                f"; {RECOVER.format(path=self._part.unfinished)}."
+                f"; {RECOVER.format(path=self._part.file.part_path)}."
             )
-            self._part.abandon()
+            self._part.file.abandon()
+        except Exception as error:  # a message that cannot be written must not end the log unseen
+            self.error = f"Log {self.path} stopped: {type(error).__name__}: {error}."
+            self._part.file.abandon()
         finally:
             self.dropped += len(self._queue)
             self._queue.clear()
@@ -175,11 +178,11 @@ class LogWriter:
                 self._part.close_chunk()
                 chunk_closed, pending = now, False
             if now - synced >= self._sync_seconds:
-                self._part.sync()
+                self._part.file.sync()
                 synced = now
             if stopping and not self._queue:
-                self._part.finish()
-                self.paths.append(self._part.path)
+                self._part.finish(self.dropped)
+                self.paths.append(self._part.file.path)
                 return
             too_old = self._max_seconds and now - opened >= self._max_seconds
             if too_old or (self._max_bytes and self._part.size >= self._max_bytes):
@@ -203,7 +206,7 @@ class LogWriter:
         return waiting > 0
 
     def _split(self) -> None:
-        self._part.finish()
-        self.paths.append(self._part.path)
+        self._part.finish(self.dropped)
+        self.paths.append(self._part.file.path)
         path = self._base.with_name(f"{self._base.stem}_{len(self.paths)}.mcap")
         self._part = Part(path, self._contents, self._chunk_bytes)

@@ -1,0 +1,60 @@
+"""A file that has its own name only once it is whole."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import os
+from pathlib import Path
+
+from cable_ros.log.errors import LogError, describe
+
+SUFFIX = ".part"
+"""Of a log that is being written, or whose writer was killed: a name without it is whole."""
+
+
+class UnfinishedFile:
+    """A new file, `path` + '.part' until `finish`.
+
+    `stream` buffers up to `buffer_bytes`.
+
+    Raises: LogError where `path` exists or the file cannot be made.
+    """
+
+    def __init__(self, path: Path, buffer_bytes: int) -> None:
+        self.path = path
+        self.part_path = path.with_name(path.name + SUFFIX)
+        try:
+            if path.exists():
+                raise FileExistsError(errno.EEXIST, "File exists")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.stream = io.BufferedWriter(io.FileIO(self.part_path, "xb"), buffer_bytes)
+        except OSError as error:
+            raise LogError(describe(error, path, "write")) from None
+
+    def sync(self) -> None:
+        """Everything so far to the disk: a power cut loses nothing of it. Raises OSError."""
+        self.stream.flush()
+        os.fdatasync(self.stream.fileno())
+
+    def finish(self) -> None:
+        """Give the file its own name, never over an existing file. Raises OSError."""
+        self.sync()
+        self.stream.close()
+        # The empty placeholder reserves the name on any file system; replacing it is atomic.
+        os.close(os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
+        os.replace(self.part_path, self.path)
+        folder = os.open(self.path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+    def abandon(self) -> None:
+        """Close as it is, as after a failed write; the '.part' file stays for recovery."""
+        try:
+            self.stream.close()
+        except OSError:
+            with contextlib.suppress(OSError):
+                self.stream.raw.close()
