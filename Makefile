@@ -6,7 +6,7 @@ SHELL := bash
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.cable_ros_installed
-EXTRAS := ros,robot,plot,dev
+EXTRAS := ros,robot,plot,parquet,dev
 LOGS := $(CURDIR)/build/ros_log
 
 # One thread per process: the solver is single-threaded, and tests start several processes.

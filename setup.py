@@ -37,6 +37,7 @@ setup(
         "ros": ROS_JAZZY,
         "robot": ["pin"],
         "plot": ["matplotlib"],
+        "parquet": ["pyarrow"],
         "dev": [
             "pytest>=7.4",
             "pytest-timeout",
@@ -45,7 +46,7 @@ setup(
             "rosbags",
             "colcon-common-extensions",
             "colcon-ros",
-            "setuptools<80",
+            "setuptools>=70.1,<80",
             "ruff==0.17.5",
             "mypy==2.4.1",
             "types-PyYAML",

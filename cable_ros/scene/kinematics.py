@@ -54,6 +54,8 @@ class Kinematics:
         # The placements are views of Pinocchio's data: an update moves them all.
         self._frames = [(i, frame, self._data.oMf[frame]) for i, frame in frames]
         self.poses(np.zeros(len(self.joint_names)))
+        if not self.joint_names:  # all clamps on the root link: nothing moves, and Pinocchio needs a joint
+            self._frames = []
 
     def poses(self, q: np.ndarray) -> np.ndarray:
         """World poses of the clamps.

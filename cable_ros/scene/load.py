@@ -26,9 +26,11 @@ LINEAR_DENSITY = Size("kg/m", 0.0, 1000.0, too_high="it looks like grams per met
 # Bending from 1e-6 to 1e3 N m^2, torsion and the softer axis up to a thousand times softer or stiffer.
 STIFFNESS = Size("N m^2", 1e-9, 1e6, too_high="it looks like N mm^2 (1 N mm^2 = 1e-6 N m^2)")
 BENDING = Size("N m^2", 1e-6, 1e3, too_high=STIFFNESS.too_high)
+TWIST = Size("rad", -1e4, 1e4)
 
 LINK_REACH = 50.0
-"""m; a clamp farther than this from its link's origin is a slip of units."""
+WORLD_REACH = 1e5
+"""m; a clamp farther than this from the origin of its link, or of the world, is a slip of units."""
 CHORD_RATIO = 100.0
 """Clamps in one frame that are this many cable lengths apart are a slip of units."""
 SOLID_DENSITY = 1e5
@@ -36,7 +38,8 @@ SOLID_DENSITY = 1e5
 UNIT_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1 before it is refused; nearer ones are normalised."""
 
-_TOKEN = re.compile(r"[A-Za-z](?:_?[A-Za-z0-9]){0,79}")
+_TOKEN = re.compile(r"[A-Za-z](?:_?[A-Za-z0-9])*")
+_TOKEN_LENGTH = 80
 _SECTION_FIELDS = ("diameter", "youngs_modulus", "shear_modulus")
 
 
@@ -100,10 +103,10 @@ def _cable(values: Any, source: str, place: str, links: tuple[str, ...] | None) 
         ("name", "length", *_SECTION_FIELDS, "stiffness", "linear_density", "total_twist", "start", "end"),
     )
     name = section.text("name", "a name, such as camera_cable")
-    if not _TOKEN.fullmatch(name):
+    if len(name) > _TOKEN_LENGTH or not _TOKEN.fullmatch(name):
         section.fail(
             f"'{name}' cannot be part of a ROS topic name; "
-            "use up to 80 letters, digits and single underscores, a letter first",
+            f"use up to {_TOKEN_LENGTH} letters, digits and single underscores, a letter first",
             "name",
         )
     length = section.number("length", "metres", LENGTH)
@@ -115,11 +118,13 @@ def _cable(values: Any, source: str, place: str, links: tuple[str, ...] | None) 
             f"{LINEAR_DENSITY.too_high}; give kg/m",
             "linear_density",
         )
-    twist = section.number("total_twist", "radians, or leave it out") if "total_twist" in section else None
+    twist = (
+        section.number("total_twist", "radians, or leave it out", TWIST) if "total_twist" in section else None
+    )
     start = _mount(section, "start", links)
     end = _mount(section, "end", links)
     if start.link == end.link:
-        chord = float(np.linalg.norm(end.position - start.position))
+        chord = math.dist(start.position, end.position)
         if chord > CHORD_RATIO * length:
             section.fail(
                 f"this clamp is {chord:g} m from the start of a cable of {length:g} m; "
@@ -179,11 +184,12 @@ def _mount(cable: Section, name: str, links: tuple[str, ...] | None) -> Mount:
             "link",
         )
     position = section.vector("position", 3, "[x, y, z] in metres")
-    reach = float(np.linalg.norm(position))
-    if link is not None and reach > LINK_REACH:
-        section.fail(f"{reach:g} m from the origin of its link; {_MILLIMETRES}; give metres", "position")
+    reach = math.hypot(*position)
+    if reach > (WORLD_REACH if link is None else LINK_REACH):
+        frame = "the world" if link is None else "its link"
+        section.fail(f"{reach:g} m from the origin of {frame}; {_MILLIMETRES}; give metres", "position")
     quaternion = section.vector("orientation", 4, "a unit quaternion [x, y, z, w]")
-    norm = float(np.linalg.norm(quaternion))
+    norm = math.hypot(*quaternion)
     if abs(norm - 1) > UNIT_TOLERANCE:
         section.fail(
             f"the quaternion's norm is {norm:.6g}, not 1; give a unit quaternion [x, y, z, w], "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -108,14 +109,14 @@ class Section:
 
 
 def plain(value: Any) -> Any:
-    """Arrays, tuples and NumPy scalars as the lists and numbers that YAML has."""
+    """Arrays, tuples, NumPy scalars and paths as the lists, numbers and texts that YAML has."""
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, Mapping):
         return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
-    return value
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
 def describe(value: Any) -> str:

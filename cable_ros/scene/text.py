@@ -40,7 +40,7 @@ def _add_scalar(tag: str, pattern: str, first: str, construct: Any) -> None:
     tag = f"tag:yaml.org,2002:{tag}"
     _Loader.add_implicit_resolver(tag, re.compile(pattern), list(first))
     if construct is not None:
-        _Loader.add_constructor(tag, lambda loader, node: construct(loader.construct_scalar(node)))
+        _Loader.add_constructor(tag, lambda loader, node: construct(node.value))
 
 
 _add_scalar("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", "tTfF", lambda text: text.lower() == "true")
