@@ -94,16 +94,17 @@ def _wanted(arguments: list[str], names: list[str]) -> list[str]:
 def _is_for_the_user(error: Exception) -> bool:
     """Whether the error's text is a sentence about the input, not a fault of the program.
 
-    Those are the errors this package defines, what the operating system refuses, and what is not
-    installed.
+    Those are the errors this package defines, what the operating system refuses, and other packages
+    that are not installed.
     """
-    ours = type(error).__module__.partition(".")[0] == "cable_ros"
-    return ours or isinstance(error, OSError | ImportError)
+    if isinstance(error, ModuleNotFoundError):
+        return error.name is not None and not error.name.startswith("cable_ros")
+    return isinstance(error, OSError) or type(error).__module__.startswith("cable_ros.")
 
 
 def _sentence(error: Exception) -> str:
-    if isinstance(error, ModuleNotFoundError) and error.name:
-        package = error.name.partition(".")[0]
+    if isinstance(error, ModuleNotFoundError):
+        package = str(error.name).partition(".")[0]
         extra = EXTRAS.get(package)
         remedy = f"pip install 'cable_ros[{extra}]'" if extra else "install it"
         return f"the Python package '{package}' is missing; {remedy}"

@@ -113,8 +113,11 @@ def test_interrupt_is_quiet(fake_command, capsys):
 def test_a_closed_pipe_is_quiet():
     reading, writing = os.pipe()
     os.close(reading)
+    buffered = {**os.environ, "PYTHONUNBUFFERED": ""}  # unbuffered, argparse itself swallows the error
     try:
-        done = subprocess.run([*CABLE, "-h"], stdout=writing, stderr=subprocess.PIPE, check=False)
+        done = subprocess.run(
+            [*CABLE, "-h"], stdout=writing, stderr=subprocess.PIPE, env=buffered, check=False
+        )
     finally:
         os.close(writing)
     assert done.stderr == b""
