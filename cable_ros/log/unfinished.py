@@ -15,19 +15,20 @@ SUFFIX = ".part"
 
 
 class UnfinishedFile:
-    """A new file, `path` + '.part' until `finish`.
+    """A new file, called `path` + `suffix` until `finish`.
 
     `stream` buffers up to `buffer_bytes`.
 
     Raises: LogError where `path` exists or the file cannot be made.
     """
 
-    def __init__(self, path: Path, buffer_bytes: int) -> None:
+    def __init__(self, path: Path, buffer_bytes: int, suffix: str = SUFFIX) -> None:
         self.path = path
-        self.part_path = path.with_name(path.name + SUFFIX)
+        self.part_path = path.with_name(path.name + suffix)
+        for existing in (path, self.part_path):
+            if existing.exists():
+                raise LogError(describe(FileExistsError(errno.EEXIST, ""), existing, "write"))
         try:
-            if path.exists():
-                raise FileExistsError(errno.EEXIST, "File exists")
             path.parent.mkdir(parents=True, exist_ok=True)
             self.stream = io.BufferedWriter(io.FileIO(self.part_path, "xb"), buffer_bytes)
         except OSError as error:
@@ -58,3 +59,9 @@ class UnfinishedFile:
         except OSError:
             with contextlib.suppress(OSError):
                 self.stream.raw.close()
+
+    def discard(self) -> None:
+        """Close and remove it."""
+        self.abandon()
+        with contextlib.suppress(OSError):
+            self.part_path.unlink()
