@@ -32,7 +32,7 @@ setup(
         (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.py"))),
     ],
-    install_requires=["numpy>=1.26", "scipy", "numba", "pyyaml", "mcap>=1.5", "tqdm"],
+    install_requires=["numpy>=1.26", "scipy", "numba", "pyyaml", "mcap>=1.5", "mcap-ros2-support", "tqdm"],
     extras_require={
         "ros": ROS_JAZZY,
         "robot": ["pin"],
@@ -42,7 +42,6 @@ setup(
             "pytest>=7.4",
             "pytest-timeout",
             "hypothesis",
-            "mcap-ros2-support",
             "rosbags",
             "colcon-common-extensions",
             "colcon-ros",
