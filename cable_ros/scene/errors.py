@@ -12,7 +12,8 @@ class SceneError(ValueError):
     def __init__(self, source: str, field: str, message: str) -> None:
         self.source = source
         self.field = field
-        super().__init__(f"{source}: {field}: {message}" if field else f"{source}: {message}")
+        text = f"{source}: {field}: {message}" if field else f"{source}: {message}"
+        super().__init__(" ".join(text.splitlines()))  # names from a file may hold line breaks
 
 
 def suggestion(name: str, valid: Iterable[str]) -> str:
