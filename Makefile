@@ -32,9 +32,10 @@ $(BIN)/python:
 		exit 1; \
 	fi; \
 	echo "Making $(VENV) with $$("$$python" --version)"; \
-	"$$python" -m venv $(VENV)
+	"$$python" -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 $(STAMP): setup.py pyproject.toml | $(BIN)/python
+	@echo "Installing cable_ros with ROS 2 Jazzy's wheels into $(VENV): a minute or two"
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[$(EXTRAS)]"
 	@touch $@
