@@ -59,17 +59,30 @@ class Shape:
 class Abscissa:
     """What is drawn along the horizontal axis: a joint or the time."""
 
-    label: str
+    name: str
+    unit: str
     scale: float
-    """Multiplies SI values into the label's unit."""
+    """Multiplies SI values into the unit."""
 
     @classmethod
     def of_joint(cls, name: str, revolute: bool = True) -> Abscissa:
-        return cls(f"{name} (deg)", 180 / np.pi) if revolute else cls(f"{name} (m)", 1.0)
+        return cls(name, "deg", 180 / np.pi) if revolute else cls(name, "m", 1.0)
 
     @classmethod
     def of_time(cls) -> Abscissa:
-        return cls("time (s)", 1.0)
+        return cls("time", "s", 1.0)
+
+    def text(self, value: float) -> str:
+        """A value in the unit, as 30°, 0.2 m or 3 s."""
+        return f"{value:g}°" if self.unit == "deg" else f"{value:g} {self.unit}"
+
+
+def round_values(low: float, high: float, count: int) -> np.ndarray:
+    """About `count` round numbers between `low` and `high`, in whole multiples of a simple step."""
+    locator = mpl.ticker.MaxNLocator(count - 1, steps=[1, 1.5, 2, 3, 5, 10])
+    slack = 1e-3 * (high - low)  # a joint sent to 90 deg may report 89.99
+    values = np.asarray(locator.tick_values(low, high))
+    return values[(values >= low - slack) & (values <= high + slack)]
 
 
 def shapes_figure(
@@ -152,8 +165,8 @@ def wrench_figure(
                 _components(axes, values * abscissa.scale, vectors, letter)
                 axes.set_ylabel(label)
             grid[0, column].set_title(cable)
-            grid[1, column].set_xlabel(abscissa.label)
-            if abscissa.label.endswith("(deg)"):
+            grid[1, column].set_xlabel(f"{abscissa.name} ({abscissa.unit})")
+            if abscissa.unit == "deg":
                 grid[1, column].xaxis.set_major_locator(mpl.ticker.MaxNLocator(steps=[1, 1.5, 3, 4.5, 10]))
         figure.supxlabel(
             "x y z: the end clamp's axes, z along the cable. The force on the cable has the opposite sign.",

@@ -1,0 +1,135 @@
+"""`cable plot`: the pictures of a logged run."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from cable_ros.log.history import History, Trace
+    from cable_ros.plots import Abscissa, Shape
+
+EXAMPLE = """example:
+  cable plot demo/space_arm.mcap --out pictures
+
+Writes STEM_shapes.png, the cables' shapes in the XOZ, YOZ and XOY planes, and STEM_end_wrench.png, what the
+cables exert on their links at the end clamps, both against the joint that moves most (else the time)."""
+
+LEAST_MOTION = 1e-6  # rad or m; a joint that moves less stands still
+MOST_UNANSWERED = 5
+SHAPES = 7
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    parser = subparsers.add_parser(
+        "plot",
+        help="pictures of a logged run",
+        description="Draw a log of the cable node: the cables' shapes and the end wrenches.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("log", metavar="LOG", type=Path, help="log of the node (MCAP)")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="folder of the pictures (default: the log's)")
+
+
+def run(args: argparse.Namespace) -> int:
+    for picture in draw(args.log, args.out or args.log.parent):
+        print(picture)
+    return 0
+
+
+def draw(log: Path, out: Path) -> list[Path]:
+    """Draw a log's pictures into the folder `out`; gives their paths, the shapes first.
+
+    Raises:
+        LogError: the log cannot be read or has no wrenches.
+    """
+    from cable_ros.log.history import read_history
+    from cable_ros.plots import Abscissa, save, shapes_figure, wrench_figure
+
+    history = read_history(log)
+    kinds = moving_joints(log) or dict.fromkeys(history.joint_names, "revolute")
+    name = leading_joint(history, kinds)
+    abscissa = Abscissa.of_joint(name, kinds[name] != "prismatic") if name else Abscissa.of_time()
+    wrenches = {}
+    for cable, trace in history.end_wrenches.items():
+        whole = with_gaps(trace, history.joints.times)
+        wrenches[cable] = abscissa_values(history, name, whole.times), whole.values
+    pictures = []
+    if shapes := list(chosen_shapes(log, history, name, abscissa)):
+        figure = shapes_figure(shapes, f"Shape of {', '.join(history.polyline_times)}", name or "")
+        pictures.append(save(figure, out / f"{log.stem}_shapes.png"))
+    pictures.append(save(wrench_figure(abscissa, wrenches), out / f"{log.stem}_end_wrench.png"))
+    return pictures
+
+
+def moving_joints(log: Path) -> dict[str, str]:
+    """Kind by name of the joints that move a clamp in the logged scene; empty where the log has none."""
+    from cable_ros.log.errors import LogError
+    from cable_ros.log.reader import LogReader
+    from cable_ros.scene import load_scene
+    from cable_ros.scene.text import parse_yaml
+    from cable_ros.scene.urdf import chains
+
+    try:
+        with LogReader(log) as reader:
+            scene = load_scene(parse_yaml(reader.scene_text, str(log)), urdf=reader.urdf_text)
+    except LogError:
+        return {}
+    links = {mount.link: None for cable in scene.cables for mount in cable.mounts if mount.link}
+    if scene.robot is None or not links:
+        return {}
+    joints = ET.fromstring(chains(scene.robot.urdf, scene.robot.source, links)).iter("joint")
+    return {joint.get("name", ""): joint.get("type", "") for joint in joints if joint.get("type") != "fixed"}
+
+
+def leading_joint(history: History, candidates: Collection[str]) -> str | None:
+    """The candidate with the widest range of motion; None where all stand still."""
+    ranges = {
+        name: np.ptp(values[np.isfinite(values)])
+        for name, values in zip(history.joint_names, history.joints.values.T, strict=True)
+        if name in candidates and np.isfinite(values).any()
+    }
+    name = max(ranges, key=lambda key: float(ranges[key]), default=None)
+    return name if name is not None and ranges[name] > LEAST_MOTION else None
+
+
+def abscissa_values(history: History, name: str | None, times: np.ndarray) -> np.ndarray:
+    """(m,) positions of the joint, or seconds since the log's first wrench, at log times (m,)."""
+    if name is not None:
+        return history.joints.at(times)[:, history.joint_names.index(name)]
+    begin = min(trace.times[0] for trace in history.end_wrenches.values())
+    return (times - begin) * 1e-9
+
+
+def with_gaps(trace: Trace, asked: np.ndarray) -> Trace:
+    """The trace with NaN where more than MOST_UNANSWERED joint states in a row had no answer."""
+    steps = np.diff(np.searchsorted(asked, trace.times))
+    if not len(steps):
+        return trace
+    gaps = np.flatnonzero(steps > MOST_UNANSWERED * max(1, np.median(steps))) + 1
+    return dataclasses.replace(
+        trace,
+        times=np.insert(trace.times, gaps, trace.times[gaps]),
+        values=np.insert(trace.values, gaps, np.nan, axis=0),
+    )
+
+
+def chosen_shapes(log: Path, history: History, name: str | None, abscissa: Abscissa) -> Iterator[Shape]:
+    """Each cable's polylines at round values of the joint, or the last one where nothing moves."""
+    from cable_ros.log.history import read_polyline
+    from cable_ros.plots import Shape, round_values
+
+    for cable, times in history.polyline_times.items():
+        values = abscissa_values(history, name, times) * abscissa.scale
+        wanted = round_values(np.nanmin(values), np.nanmax(values), SHAPES) if name else values[-1:]
+        for value in wanted:
+            index = int(np.nanargmin(np.abs(values - value)))
+            label = abscissa.text(round(float(values[index]), 1 if abscissa.unit == "deg" else 3))
+            yield Shape(cable, label, read_polyline(log, cable, int(times[index])), float(values[index]))
