@@ -49,7 +49,8 @@ def solve(
 ) -> BaselineResult:
     """Least-squares solution with `parts` (at least 2) equal parts.
 
-    Without a guess it starts from the paper's vector of ones. The moment at the end, which the paper does not give, is M = K omega with (20) at the last node.
+    Without a guess it starts from the paper's vector of ones. The moment at the end, which the paper does
+    not give, is M = K omega with (20) at the last node.
     """
     if parts < 2:
         raise ValueError(f"parts is {parts}; the published differences need at least 2")
