@@ -18,8 +18,16 @@ def plane_angle(pose: np.ndarray) -> float:
 
 
 def solve_planar(guess: Reference, tolerance: float = 1e-9) -> Reference:
+    """`guess` with the wrenches of the true equilibrium; see `solve_planar_shape`."""
+    return solve_planar_shape(guess, 2, tolerance)[0]
+
+
+def solve_planar_shape(
+    guess: Reference, samples: int, tolerance: float = 1e-9
+) -> tuple[Reference, np.ndarray, np.ndarray]:
     """The planar equilibrium between the clamps of `guess`, started from the shape that they and its wrench
-    give: integrated where the cable is light, catenary and layers where it is heavy.
+    give: integrated where the cable is light, catenary and layers where it is heavy. With it come the points
+    (samples, 3) and orientations (samples, 4) at equal arc lengths.
 
     Unknowns x, y, theta, M(s) and the start force, in units of the cable. Raises ValueError
     where the collocation does not converge.
@@ -52,11 +60,15 @@ def solve_planar(guess: Reference, tolerance: float = 1e-9) -> Reference:
         raise ValueError(solution.message)
     unit_f, unit_m = bending / length**2, bending / length
     fx, fy = solution.p * unit_f
-    return dataclasses.replace(
+    solved = dataclasses.replace(
         guess,
         start_wrench=planar_wrench(angles[0], fx, fy, solution.y[3, 0] * unit_m),
         end_wrench=planar_wrench(angles[1], -fx, -fy - w * unit_f, -solution.y[3, -1] * unit_m),
     )
+    x, y, theta, _ = solution.sol(np.linspace(0, 1, samples))
+    points = guess.start[:3] + length * np.column_stack([x, y, np.zeros(samples)])
+    frames = Rotation.from_matrix([planar_frame(angle) for angle in theta])
+    return solved, points, frames.as_quat()
 
 
 def _integrated(guess: Reference) -> tuple[np.ndarray, np.ndarray]:
