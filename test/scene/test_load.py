@@ -315,7 +315,7 @@ JUNK = st.one_of(
 WHOLE = scene(cable(total_twist=1.0), cable(name="second", **ROUND))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.sampled_from(places(WHOLE)), JUNK)
 def test_any_value_anywhere_loads_or_gives_a_sentence(place: tuple[Any, ...], junk: Any) -> None:
     mapping: Any = copy.deepcopy(WHOLE)
