@@ -1,0 +1,174 @@
+"""One cable of a tracker: its state between two solves, and how its results are read off."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.mechanics import quaternion
+from cable_ros.mechanics.elements import Sampling, sampling
+from cable_ros.scene import Cable
+from cable_ros.solve.status import Status
+from cable_ros.statics import compiled
+from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine
+from cable_ros.statics.rod import Rod
+from cable_ros.statics.units import Units, relative
+from cable_ros.statics.walk import End, Walk, walk
+
+ALGEBRAIC = 1e-3
+"""The iteration is stopped at this part of the tolerance: what is left is then nothing beside the resolution's error."""
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+class Follower:
+    """Keeps one cable on its branch. Poses come in as world poses of its two clamps, (2, 7)."""
+
+    def __init__(self, cable: Cable, gravity: np.ndarray, tolerance: float, polyline_points: int) -> None:
+        self.name = cable.name
+        self.tolerance, self.polyline_points = tolerance, polyline_points
+        self._hint = cable.total_twist
+        self._units = Units(cable.length, float(np.sqrt(cable.stiffness[0] * cable.stiffness[1])))
+        self._stiffness = cable.stiffness / self._units.stiffness
+        self._weight = cable.linear_density * np.asarray(gravity, float)
+        self._sampling: tuple[Rod, int, Sampling] | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the equilibrium."""
+        self._rod: Rod | None = None
+        self._q, self._F = np.empty((0, 4)), np.empty(3)
+        self._joints = np.empty(0)
+        self._twist: float | None = None
+        self._resolved = 0.0
+        self._estimate = np.nan
+
+    def _conditions(self, poses: np.ndarray, before: np.ndarray) -> tuple[Conditions, np.ndarray]:
+        qe, re, f, start = relative(poses, before, self._weight, self._units.length, self._units.force)
+        return Conditions(qe, re, f), start
+
+    def solve(
+        self, kinematics: Callable[[np.ndarray], np.ndarray], index: int, joints: np.ndarray, poses: np.ndarray,
+        begin: float,
+    ) -> Equilibrium:  # fmt: skip
+        """The equilibrium at `joints`, where the clamps are at `poses`; `kinematics(joints)[index]` gives those on the way."""
+        rod = self._rod
+        if rod is None or self._resolved != self.tolerance:
+            return self._cold(joints, poses, begin, self._twist if self._twist is not None else self._hint)
+        qe, re, f, _ = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
+        code, iterations, q, F = rod.advance(self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance)
+        if code == compiled.ADVANCED:
+            self._q, self._F, self._joints = q, F, joints
+            return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
+        return self._far(kinematics, index, joints, poses, begin)
+
+    def _far(
+        self, kinematics: Callable[[np.ndarray], np.ndarray], index: int, joints: np.ndarray, poses: np.ndarray,
+        begin: float,
+    ) -> Equilibrium:  # fmt: skip
+        """Too far for one step: walk there through the joints, and start again where no walk leads there."""
+        rod = self._rod
+        assert rod is not None
+        rod.linearize(self._q, self._F)
+        rod.factor(0.0)
+        origin, before = self._joints, rod.qe
+        frames = {0.0: before}
+
+        def path(t: float) -> Conditions:
+            nonlocal before
+            nearest = max((s for s in frames if s <= t), default=0.0)
+            conditions, _ = self._conditions(kinematics(origin + t * (joints - origin))[index], frames[nearest])
+            frames[t] = conditions.qe
+            return conditions
+
+        result = walk(rod, self._q, self._F, path, ALGEBRAIC * self.tolerance)
+        if result.end in (End.ARRIVED, End.SNAPPED):
+            self._q, self._F, self._joints = result.q, result.F, joints
+            status = Status.SNAPPED if result.snaps else Status.CONVERGED
+            return self._finish(status, self._story(result), result.iterations, poses, begin)
+        # the way is barred: the pose itself may still be fine, on the branch with the twist nearest to the last
+        return self._cold(joints, poses, begin, self._twist)
+
+    def _story(self, result: Walk) -> str:
+        if not result.snaps:
+            return Status.CONVERGED.sentence
+        falls = "; ".join(
+            f"total twist {s.twist_before:.3f} -> {s.twist_after:.3f} rad, energy {s.energy_before * self._units.moment:.4g}"
+            f" -> {s.energy_after * self._units.moment:.4g} J at {100 * s.at:.4g} % of the step"
+            for s in result.snaps
+        )
+        return f"{Status.SNAPPED.sentence[:-1]} ({falls})."
+
+    def _cold(self, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None) -> Equilibrium:
+        """Search the pose for its stable equilibria and take the one that the hint asks for, or that of least energy."""
+        conditions, _ = self._conditions(poses, IDENTITY)
+        chord = float(np.linalg.norm(conditions.re))
+        if not chord < 1.0:
+            excess = (chord - 1.0) * self._units.length
+            message = f"The clamps are {excess * 1e3:.4g} mm farther apart than the cable is long ({self._units.length:g} m)."
+            if excess <= 0.0:
+                message = f"The clamps are as far apart as the cable is long ({self._units.length:g} m): its tension has no bound."
+            return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
+        found = equilibria(self._stiffness, None, conditions, hint, self.tolerance, thorough=False)
+        if hint is not None:
+            found.sort(key=lambda one: abs(one.twist - hint))
+        for one in found:
+            fine, estimate = refine(one, self.tolerance)
+            if estimate > self.tolerance and fine is not found[-1]:
+                continue
+            self._take(fine, joints)
+            return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, fine.iterations, poses, begin)
+        return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, time.perf_counter() - begin)
+
+    def _take(self, found: Found, joints: np.ndarray) -> None:
+        self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints
+        self._resolved = self.tolerance
+
+    def _finish(self, status: Status, message: str, iterations: int, poses: np.ndarray, begin: float) -> Equilibrium:
+        """Check the resolution, refine where it has become too coarse, and read off the result."""
+        rod = self._rod
+        assert rod is not None
+        self._estimate = rod.relative_error(self._q, self._F)
+        if self._estimate > ACCEPT * self.tolerance:
+            energy, twist = float(rod.totals[3]), float(rod.totals[4])
+            fine, self._estimate = refine(Found(rod, self._q, self._F, energy, twist, 0), self.tolerance)
+            iterations += fine.iterations
+            self._take(fine, self._joints)
+            rod = fine.rod
+        unit = self._units
+        margin = rod.stability_margin(2)
+        self._twist = float(rod.totals[4])
+        start = np.array([poses[0, 6], poses[0, 3], poses[0, 4], poses[0, 5]])
+        end_wrench, start_wrench = np.empty(6), np.empty(6)
+        end_wrench[:3] = quaternion.rotate(quaternion.conjugate(rod.qe), self._F) * -unit.force
+        end_wrench[3:] = rod.g[-1] * -unit.moment
+        start_wrench[:3] = (self._F + rod.f) * unit.force
+        start_wrench[3:] = rod.g[0] * -unit.moment
+        points, orientations = self._polyline(rod, poses[0, :3], start)
+        return Equilibrium(
+            status=status, message=message, converged=True, stable=True, stability_margin=margin,
+            end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
+            total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment, error_estimate=self._estimate,
+            iterations=iterations, solve_time=time.perf_counter() - begin, stiffness=np.full((6, 6), np.nan),
+        )  # fmt: skip
+
+    def _polyline(self, rod: Rod, position: np.ndarray, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if self._sampling is None or self._sampling[0] is not rod or self._sampling[1] != self.polyline_points:
+            self._sampling = rod, self.polyline_points, sampling(rod.mesh, self.polyline_points)
+        table = self._sampling[2]
+        points, orientations = np.empty((self.polyline_points, 3)), np.empty((self.polyline_points, 4))
+        compiled.polyline(self._q, rod.h, table.element, table.values, table.weights, table.quadrature,
+                          position, orientation, self._units.length, points, orientations)  # fmt: skip
+        return points, orientations
+
+    def failed(self, status: Status, message: str, solve_time: float) -> Equilibrium:
+        """A result without numbers."""
+        n, nan = self.polyline_points, np.nan
+        return Equilibrium(
+            status=status, message=message, converged=False, stable=False, stability_margin=nan,
+            end_wrench=np.full(6, nan), start_wrench=np.full(6, nan), points=np.full((n, 3), nan),
+            orientations=np.full((n, 4), nan), total_twist=nan, energy=nan, error_estimate=nan, iterations=0,
+            solve_time=solve_time, stiffness=np.full((6, 6), nan),
+        )  # fmt: skip

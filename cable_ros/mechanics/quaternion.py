@@ -1,0 +1,88 @@
+"""Compiled quaternion arithmetic, scalar first. ROS's x y z w is turned at the border (`from_ros`, `to_ros`)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**OPTIONS)
+def multiply(a, b):
+    """The product a b of two quaternions (4,)."""
+    c = np.empty(4)
+    c[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
+    c[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
+    c[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
+    c[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+    return c
+
+
+@njit(**OPTIONS)
+def conjugate(a):
+    """The inverse of a unit quaternion (4,)."""
+    c = np.empty(4)
+    c[0], c[1], c[2], c[3] = a[0], -a[1], -a[2], -a[3]
+    return c
+
+
+@njit(**OPTIONS)
+def rotate(q, v):
+    """The vector v (3,) turned by the unit quaternion q."""
+    x, y, z = q[1], q[2], q[3]
+    a = 2.0 * (y * v[2] - z * v[1])
+    b = 2.0 * (z * v[0] - x * v[2])
+    c = 2.0 * (x * v[1] - y * v[0])
+    out = np.empty(3)
+    out[0] = v[0] + q[0] * a + y * c - z * b
+    out[1] = v[1] + q[0] * b + z * a - x * c
+    out[2] = v[2] + q[0] * c + x * b - y * a
+    return out
+
+
+@njit(**OPTIONS)
+def rotation_vector(q):
+    """The rotation vector (3,) of q, of length at most pi."""
+    s = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    scale = 2.0
+    if s > 1e-12:
+        scale = 2.0 * np.arctan2(s, abs(q[0])) / s
+    if q[0] < 0.0:
+        scale = -scale
+    out = np.empty(3)
+    out[0], out[1], out[2] = scale * q[1], scale * q[2], scale * q[3]
+    return out
+
+
+@njit(**OPTIONS)
+def retract(q, psi, out):
+    """out = q exp(psi / 2), row by row of q (n, 4), psi (3 n,) a rotation vector in the section frame; normalised."""
+    for i in range(q.shape[0]):
+        a, b, c = 0.5 * psi[3 * i], 0.5 * psi[3 * i + 1], 0.5 * psi[3 * i + 2]
+        angle2 = a * a + b * b + c * c
+        if angle2 < 1e-4:
+            s = 1.0 - angle2 / 6.0 * (1.0 - angle2 / 20.0 * (1.0 - angle2 / 42.0))
+            r = 1.0 - angle2 / 2.0 * (1.0 - angle2 / 12.0 * (1.0 - angle2 / 30.0))
+        else:
+            angle = np.sqrt(angle2)
+            s = np.sin(angle) / angle
+            r = np.cos(angle)
+        a, b, c = s * a, s * b, s * c
+        w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        o0 = w * r - x * a - y * b - z * c
+        o1 = w * a + x * r + y * c - z * b
+        o2 = w * b - x * c + y * r + z * a
+        o3 = w * c + x * b - y * a + z * r
+        n = 1.0 / np.sqrt(o0 * o0 + o1 * o1 + o2 * o2 + o3 * o3)
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = n * o0, n * o1, n * o2, n * o3
+
+
+def from_ros(q: np.ndarray) -> np.ndarray:
+    """x y z w to w x y z."""
+    return np.roll(np.asarray(q, float), 1, axis=-1)
+
+
+def to_ros(q: np.ndarray) -> np.ndarray:
+    """w x y z to x y z w."""
+    return np.roll(q, -1, axis=-1)

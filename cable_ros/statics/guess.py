@@ -1,0 +1,112 @@
+"""Shapes to start from: curves of the right length between the clamps, with frames of a chosen twist."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cable_ros.mechanics import quaternion
+
+_U = np.linspace(0.0, 1.0, 129)
+_HERMITE = np.stack([3 * _U**2 - 2 * _U**3, _U - 2 * _U**2 + _U**3, _U**3 - _U**2, 16 * (_U * (1 - _U)) ** 2])
+_SLOPES = np.stack(
+    [6 * _U - 6 * _U**2, 1 - 4 * _U + 3 * _U**2, 3 * _U**2 - 2 * _U, 32 * _U * (1 - _U) * (1 - 2 * _U)]
+)
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.linalg.norm(v)
+
+
+def tangents(nodes: np.ndarray, qe: np.ndarray, re: np.ndarray, bulge: np.ndarray | None) -> np.ndarray:
+    """Unit tangents (n, 3) at the arc lengths `nodes` of a Hermite curve of about unit length between the clamps.
+
+    Its slack goes into the clamps' own directions, or sideways along `bulge` (3,).
+    """
+    end = quaternion.rotate(qe, np.array([0.0, 0.0, 1.0]))
+    base = np.outer(_SLOPES[0], re)
+    along = np.outer(_SLOPES[1], [0.0, 0.0, 1.0]) + np.outer(_SLOPES[2], end)
+    if bulge is not None:
+        base, along = base + 0.5 * along, np.outer(_SLOPES[3], bulge)
+    low, high = 0.0, 8.0
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        speed = np.linalg.norm(base + middle * along, axis=1)
+        length = (speed.sum() - 0.5 * (speed[0] + speed[-1])) / (len(_U) - 1)
+        low, high = (middle, high) if length < 1.0 else (low, middle)
+    slope = base + max(low, 1e-3) * along
+    speed = np.linalg.norm(slope, axis=1)
+    s = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
+    u = np.interp(nodes, s / s[-1], _U)
+    t = np.stack([np.interp(u, _U, slope[:, a]) for a in range(3)], axis=1)
+    t[0], t[-1] = (0.0, 0.0, 1.0), end
+    # where the curve nearly stops its tangent is no direction: keep the neighbour's
+    size = np.linalg.norm(t, axis=1)
+    for i in np.flatnonzero(size < 1e-9):
+        t[i], size[i] = t[i - 1], 1.0
+    return t / np.linalg.norm(t, axis=1, keepdims=True)
+
+
+def transport(t: np.ndarray) -> np.ndarray:
+    """Twist-free frames (n, 4) along the unit tangents t (n, 3), from the identity."""
+    q = np.empty((len(t), 4))
+    q[0] = (1.0, 0.0, 0.0, 0.0)
+    for i in range(1, len(t)):
+        a, b = t[i - 1], t[i]
+        turn = np.concatenate(([1.0 + a @ b], np.cross(a, b)))
+        size = np.linalg.norm(turn)
+        if size < 1e-6:  # straight back: any axis across
+            axis = np.cross(a, [1.0, 0.0, 0.0] if abs(a[0]) < 0.7 else [0.0, 1.0, 0.0])
+            turn, size = np.concatenate(([0.0], axis)), np.linalg.norm(axis)
+        q[i] = quaternion.multiply(turn / size, q[i - 1])
+    return q
+
+
+def closing_turn(q: np.ndarray, qe: np.ndarray) -> float:
+    """Angle in (-pi, pi] about the tangent from the last of the frames q to the end clamp's frame."""
+    d = quaternion.multiply(quaternion.conjugate(q[-1]), qe)
+    return float((2.0 * np.arctan2(d[3], d[0]) + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def spin(q: np.ndarray, nodes: np.ndarray, angle: float) -> np.ndarray:
+    """The frames q turned about their tangents by `angle` times the arc length."""
+    out = np.empty_like(q)
+    for i, s in enumerate(nodes):
+        half = 0.5 * angle * s
+        out[i] = quaternion.multiply(q[i], np.array([np.cos(half), 0.0, 0.0, np.sin(half)]))
+    return out
+
+
+def bulges(qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> list[np.ndarray | None]:
+    """Where the slack may go: the clamps' own directions, down, and four directions across the chord."""
+    chord = re if np.linalg.norm(re) > 1e-6 else np.array([0.0, 0.0, 1.0])
+    chord = _unit(chord)
+    # the frame of the start clamp sets the directions across, so that the search moves with the rig
+    helper = np.array([1.0, 0.0, 0.0]) if abs(chord[0]) < 0.8 else np.array([0.0, 1.0, 0.0])
+    across = _unit(np.cross(chord, helper))
+    other = np.cross(chord, across)
+    out: list[np.ndarray | None] = [None]
+    if np.linalg.norm(f) > 1e-9:
+        out.append(_unit(f))
+    return out + [across, -across, other, -other]
+
+
+def starts(
+    nodes: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, hint: float | None
+) -> Iterator[np.ndarray]:
+    """Frames (n, 4) to start a search from: each curve with its likely twists, the nearest to the hint first."""
+    frames = [transport(tangents(nodes, qe, re, bulge)) for bulge in bulges(qe, re, f)]
+    turns = []
+    for rank, q in enumerate(frames):
+        base = closing_turn(q, qe)
+        centre = 0.0 if hint is None else hint
+        nearest = base + 2.0 * np.pi * np.round((centre - base) / (2.0 * np.pi))
+        reach = 1.1 if rank == 0 else 0.8
+        for k in (-1, 0, 1):
+            angle = nearest + 2.0 * np.pi * k
+            if abs(angle - centre) <= 2.0 * np.pi * reach:
+                turns.append((abs(k), rank, angle, q))
+    turns.sort(key=lambda item: item[:2])
+    for _, _, angle, q in turns:
+        yield spin(q, nodes, angle)

@@ -1,0 +1,160 @@
+"""One cable between two clamps, discretised: the problem that the trust region solves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.mechanics import quaternion
+from cable_ros.mechanics.elements import Mesh, bubble, reference_element
+from cable_ros.mechanics.kernels import gradient, hessian
+from cable_ros.solve import banded
+from cable_ros.statics import compiled
+
+ORDER = 6
+"""Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
+
+
+class Rod:
+    """A Kirchhoff rod in units of the cable, in its start clamp's frame; see `mechanics.kernels`.
+
+    Implements `solve.trust_region.Problem`: points are nodal quaternions (n, 4), multipliers the end force (3,),
+    steps (3n,) nodal rotation vectors, zero at the clamps.
+
+    Args:
+        mesh: the elements.
+        stiffness: (3,) about the section's axes, in units of the cable.
+        natural: (3,) curvature and twist of the unloaded cable.
+    """
+
+    def __init__(self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None) -> None:
+        order, elements = mesh.element.order, len(mesh.lengths)
+        nodes = elements * order + 1
+        n, band = 3 * nodes, 3 * (order + 1)
+        self.mesh = mesh
+        self.K = np.ascontiguousarray(stiffness, float)
+        self.natural = np.zeros(3) if natural is None else np.ascontiguousarray(natural, float)
+        self.h, self.s0 = np.ascontiguousarray(mesh.lengths), mesh.starts
+        self.tables = mesh.element.tables
+        fine = reference_element(order, order + 2)
+        self.fine, self.bubble = fine.tables, bubble(order, fine.points)
+        self.qe, self.re, self.f = np.array([1.0, 0, 0, 0]), np.array([0.0, 0, 1]), np.zeros(3)
+        self.elastic, self.geometric = np.zeros((n, band)), np.zeros((n, band))
+        self.A, self.L, self.pivots = np.zeros((n, band)), np.zeros((n, band)), np.ones(n)
+        self.C, self.Y, self.S = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 3))
+        self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
+        self.shares = np.zeros(elements)
+        self.mode = np.zeros(n)
+        self._normal: tuple[np.ndarray, np.ndarray] | None = None
+
+    def set_conditions(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> None:
+        """End frame (4,) scalar first, end position (3,), load per length (3,)."""
+        self.qe, self.re, self.f = qe, re, f
+
+    # Problem
+
+    def _gradient(self, q: np.ndarray, F: np.ndarray) -> None:
+        N, dN, _, _, points, weights = self.tables
+        gradient(q, F, self.f, self.K, self.natural, self.h, self.s0, N, dN, points, weights,
+                 self.g, self.radial, self.totals)  # fmt: skip
+
+    def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        self._gradient(x, np.zeros(3))
+        return float(self.totals[3]), self.totals[:3] - self.re
+
+    def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        self._gradient(x, y)
+        hessian(x, y, self.f, self.K, self.natural, self.h, self.s0, *self.tables, self.radial,
+                self.elastic, self.geometric, self.C)  # fmt: skip
+        self._normal = None
+        g = self.g.ravel().copy()
+        g[:3] = g[-3:] = 0.0
+        return float(self.totals[3]), self.totals[:3] - self.re, g
+
+    def factor(self, mu: float) -> bool:
+        return compiled.factor(self.elastic, self.geometric, self.C, mu, self.mesh.element.order,
+                               self.A, self.L, self.pivots, self.Y, self.S)  # fmt: skip
+
+    def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        s, dF = np.empty(gradient.shape[0]), np.empty(3)
+        compiled.saddle_step(gradient, constraints, self.C, self.mesh.element.order,
+                             self.L, self.pivots, self.Y, self.S, s, dF)  # fmt: skip
+        return s, dF
+
+    def normal_step(self, constraints: np.ndarray) -> np.ndarray:
+        if self._normal is None:
+            order, n = self.mesh.element.order, self.elastic.shape[0]
+            L, pivots = np.zeros_like(self.L), np.ones(n)
+            banded.factor(self.elastic, 3, n - 3, order, L, pivots)
+            X = self.C.copy()
+            X[:, :3] = X[:, -3:] = 0.0
+            for row in X:
+                banded.solve(L, pivots, 3, n - 3, order, row)
+            self._normal = X, self.C @ X.T
+        X, G = self._normal
+        # a straight rod cannot move its end along itself: a little damping keeps that direction finite
+        return -np.linalg.solve(G + 1e-9 * np.trace(G) * np.eye(3), constraints) @ X
+
+    def apply_hessian(self, s: np.ndarray) -> np.ndarray:
+        y, z = np.empty_like(s), np.empty_like(s)
+        banded.multiply(self.elastic, s, y)
+        banded.multiply(self.geometric, s, z)
+        return y + z
+
+    def derivative(self, s: np.ndarray) -> np.ndarray:
+        return self.C @ s
+
+    def norm(self, s: np.ndarray) -> float:
+        y = np.empty_like(s)
+        banded.multiply(self.elastic, s, y)
+        return float(np.sqrt(max(s @ y, 0.0)))
+
+    def retract(self, x: np.ndarray, s: np.ndarray) -> np.ndarray:
+        out = np.empty_like(x)
+        quaternion.retract(x, s, out)
+        return out
+
+    # what a solution says
+
+    def advance(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+        tolerance: float, limit: float = 0.6, refresh: float = 0.012,
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        """One warm-started solve, see `compiled.advance`; returns code, iterations and the new (q, F)."""
+        q_new, F_new = np.empty_like(q), np.empty(3)
+        code, iterations = compiled.advance(
+            q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables,
+            self.elastic, self.geometric, self.C, self.A, self.L, self.pivots, self.Y, self.S,
+            self.g, self.radial, self.totals, tolerance, limit, refresh, q_new, F_new,
+        )  # fmt: skip
+        if code == compiled.ADVANCED:
+            self.set_conditions(qe, re, f)
+        return code, iterations, q_new, F_new
+
+    def stability_margin(self, repeats: int) -> float:
+        """Smallest eigenvalue of the energy's Hessian on the tangent space, relative to the elastic stiffness.
+
+        The rod must be factored at a strict minimum; the eigenvector found last is the start of the next search.
+        """
+        if not self.mode.any():
+            self.mode[3:-3] = np.random.default_rng(0).normal(size=len(self.mode) - 6)
+            repeats = max(repeats, 12)
+        return compiled.margin(self.elastic, self.C, self.mesh.element.order, self.L, self.pivots,
+                               self.Y, self.S, self.mode, repeats)  # fmt: skip
+
+    def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """Estimated error (6,) of end force and end moment, in units of the cable; see `compiled.error`."""
+        return compiled.error(q, F, self.qe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine,
+                              self.bubble, self.elastic, self.geometric, self.C, self.L, self.pivots,
+                              self.Y, self.S, self.g, self.shares)  # fmt: skip
+
+    def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
+        """The larger of the force's and the moment's estimated errors, each relative to its own size.
+
+        Where one of them passes through zero, the size that the other implies takes over: a force F bends over the
+        length (EI / F)^1/2, hence moments of (EI F)^1/2.
+        """
+        change = self.wrench_error(q, F)
+        force, moment = float(np.linalg.norm(F)), float(np.linalg.norm(self.g[-1]))
+        force_scale = max(force, 0.03 * moment**2, 1e-6)
+        moment_scale = max(moment, 0.03 * force**0.5, 1e-6)
+        return float(max(np.linalg.norm(change[:3]) / force_scale, np.linalg.norm(change[3:]) / moment_scale))

@@ -1,0 +1,142 @@
+"""Cold start: the stable equilibria of one pose, found by a fixed list of starts, and meshes fit for a tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cable_ros.mechanics.elements import Mesh, reference_element
+from cable_ros.solve.trust_region import Options, minimize
+from cable_ros.statics.guess import starts
+from cable_ros.statics.rod import ORDER, Rod
+
+AIM, ACCEPT = 0.1, 0.7
+"""A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """What one rod is up against, in units of the cable and the start clamp's frame."""
+
+    qe: np.ndarray
+    re: np.ndarray
+    f: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A stable equilibrium: the factored rod and where it is."""
+
+    rod: Rod
+    q: np.ndarray
+    F: np.ndarray
+    energy: float
+    twist: float
+    iterations: int
+
+
+def first_mesh(conditions: Conditions, twist: float, tolerance: float) -> Mesh:
+    """A coarse mesh for the search: finer towards the clamps where weight makes boundary layers, finer for many turns.
+
+    From 1e-3 on, four elements are the least: what they resolve at one pose they mostly do at all, so that the mesh
+    need not change under way.
+    """
+    layer = min(1.0, 3.0 / np.sqrt(max(float(np.linalg.norm(conditions.f)), 1.0)))
+    count = (4 if tolerance < 1e-3 else 3) + int(abs(twist) / 6.0)
+    half = [0.5]
+    while half[0] > max(2.0 * layer, 0.5 / count):
+        half = [half[0] / 2, half[0] / 2] + half[1:]
+    lengths = np.array(half + half[::-1])
+    if len(lengths) <= count:
+        lengths = np.full(count, 1.0 / count)
+    return Mesh(reference_element(ORDER), lengths / lengths.sum())
+
+
+def settle(rod: Rod, q: np.ndarray, F: np.ndarray, options: Options = Options()) -> Found | None:
+    """The minimum near (q, F), factored, or None."""
+    result = minimize(rod, q, F, options)
+    if not result.converged:
+        return None
+    energy, _, _ = rod.linearize(result.x, result.y)
+    if not rod.factor(0.0):
+        return None
+    return Found(rod, result.x, result.y, energy, float(rod.totals[4]), result.iterations)
+
+
+def on_mesh(found: Found, mesh: Mesh) -> Found | None:
+    """The same equilibrium on another mesh."""
+    rod = Rod(mesh, found.rod.K, found.rod.natural)
+    rod.set_conditions(found.rod.qe, found.rod.re, found.rod.f)
+    q = found.rod.mesh.interpolate(found.q, mesh.nodes)
+    q[0], q[-1] = found.q[0], found.q[-1]
+    return settle(rod, q, found.F)
+
+
+def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
+    """The mesh whose elements all have the same share in an error of AIM * tolerance, by the rates of this order.
+
+    An element's share (energy norm squared, left by `Rod.wrench_error`) falls as its length to the 2 order + 1.
+    """
+    order = rod.mesh.element.order
+    shares = np.maximum(rod.shares, 1e-12 * rod.shares.max() + 1e-300)
+    gain = (AIM * tolerance / max(estimate, 1e-16)) ** (1.0 / (2 * order))
+    size = rod.h * gain * (shares.mean() / shares) ** (1.0 / (2 * order + 1))
+    size = np.clip(size, 0.25 * rod.h, 3.0 * rod.h)
+    # neighbours of a hard element are made to help: sizes grow at most threefold from one to the next
+    for i in range(1, len(size)):
+        size[i] = min(size[i], 3.0 * size[i - 1])
+    for i in range(len(size) - 2, -1, -1):
+        size[i] = min(size[i], 3.0 * size[i + 1])
+    density = np.concatenate(([0.0], np.cumsum(rod.h / size)))
+    count = max(2, int(np.ceil(density[-1])))
+    edges = np.interp(np.linspace(0.0, density[-1], count + 1), density, np.append(rod.s0, 1.0))
+    return Mesh(rod.mesh.element, np.diff(edges))
+
+
+def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:
+    """The equilibrium on a mesh whose estimated error is at most `accept` * tolerance, if one is found; and that error."""
+    estimate = found.rod.relative_error(found.q, found.F)
+    iterations = found.iterations
+    for _ in range(8):
+        if estimate <= accept * tolerance:
+            break
+        mesh = better_mesh(found.rod, estimate, tolerance)
+        finer = on_mesh(found, mesh)
+        if finer is None:
+            finer = on_mesh(found, found.rod.mesh.split(np.ones(len(found.rod.h), bool)))
+        if finer is None:
+            break
+        iterations += finer.iterations
+        new = finer.rod.relative_error(finer.q, finer.F)
+        if new > 0.9 * estimate and new < 1e-9:
+            break  # rounding: no mesh does better
+        found, estimate = finer, new
+    return Found(found.rod, found.q, found.F, found.energy, found.twist, iterations), estimate
+
+
+def equilibria(
+    stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, hint: float | None,
+    tolerance: float = 1e-4, thorough: bool = True,
+) -> list[Found]:
+    """Distinct stable equilibria that the starts lead to, on a coarse mesh, by rising energy.
+
+    With a hint and not `thorough`, the search ends with the first one whose twist is within 0.02 rad of it.
+    """
+    mesh = first_mesh(conditions, hint or 0.0, tolerance)
+    found: list[Found] = []
+    for q in starts(mesh.nodes, conditions.qe, conditions.re, conditions.f, hint):
+        rod = Rod(mesh, stiffness, natural)
+        rod.set_conditions(conditions.qe, conditions.re, conditions.f)
+        one = settle(rod, q, np.zeros(3), Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8))
+        if one is None or any(_same(one, other) for other in found):
+            continue
+        found.append(one)
+        if hint is not None and not thorough and abs(one.twist - hint) < 0.02:
+            break
+    return sorted(found, key=lambda one: one.energy)
+
+
+def _same(a: Found, b: Found) -> bool:
+    scale = 1.0 + abs(a.energy)
+    return abs(a.twist - b.twist) < 1e-4 and abs(a.energy - b.energy) < 1e-5 * scale

@@ -1,0 +1,132 @@
+"""Joint angles in, equilibria out: warm start and branch."""
+
+from __future__ import annotations
+
+import copy
+import math
+import time
+from collections.abc import Mapping
+
+import numpy as np
+
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.follower import Follower
+from cable_ros.scene import Kinematics, Scene, load_scene
+from cable_ros.solve.status import Status
+
+ABSURD = 1e4
+"""Joint values beyond this many rad or m are taken for a fault of the sender, not for a pose."""
+
+
+class Tracker:
+    """Follows every cable of a scene while the joints move.
+
+    Args:
+        scene: from `load_scene`; a path or mapping is loaded.
+        tolerance: accepted relative error of the end wrench, 1e-12 to 0.1; the resolution follows from it.
+        polyline_points: points of `Equilibrium.points`, 2 or more.
+
+    Raises:
+        SceneError: the scene is not usable.
+        ValueError: tolerance or polyline_points out of range.
+    """
+
+    def __init__(self, scene: Scene | str | Mapping[str, object], tolerance: float = 1e-4, polyline_points: int = 101):
+        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
+        self.kinematics = Kinematics(self.scene)
+        self.joint_names = self.kinematics.joint_names
+        self._check(tolerance, polyline_points)
+        self._tolerance, self._polyline_points = float(tolerance), int(polyline_points)
+        self._followers = tuple(
+            Follower(cable, self.scene.gravity, self._tolerance, self._polyline_points) for cable in self.scene.cables
+        )
+        self._joints: np.ndarray | None = None
+
+    @staticmethod
+    def _check(tolerance: float, polyline_points: int) -> None:
+        if not 1e-12 <= tolerance <= 0.1:
+            raise ValueError(f"tolerance is {tolerance!r}; give the accepted relative error, from 1e-12 to 0.1")
+        if polyline_points < 2:
+            raise ValueError(f"polyline_points is {polyline_points!r}; give 2 or more")
+
+    @property
+    def tolerance(self) -> float:
+        """Accepted relative error of the end wrench; a change holds from the next solve on."""
+        return self._tolerance
+
+    @tolerance.setter
+    def tolerance(self, value: float) -> None:
+        self._check(value, self._polyline_points)
+        self._tolerance = float(value)
+        for follower in self._followers:
+            follower.tolerance = self._tolerance
+
+    @property
+    def polyline_points(self) -> int:
+        """Points of every polyline; a change holds from the next solve on."""
+        return self._polyline_points
+
+    @polyline_points.setter
+    def polyline_points(self, value: int) -> None:
+        self._check(self._tolerance, value)
+        self._polyline_points = int(value)
+        for follower in self._followers:
+            follower.polyline_points = self._polyline_points
+
+    def reset(self) -> None:
+        """Forget all equilibria: the next solve starts cold, on the branch that the scene asks for."""
+        self._joints = None
+        for follower in self._followers:
+            follower.reset()
+
+    def snapshot(self) -> tuple[Follower, ...]:
+        """A copy of what the next solve starts from, for `restore`; can be pickled."""
+        return copy.deepcopy(self._followers)
+
+    def restore(self, snapshot: tuple[Follower, ...]) -> None:
+        """Go on from a snapshot of a tracker of the same scene; tolerance and polyline points stay this one's."""
+        self._followers = copy.deepcopy(snapshot)
+        for follower in self._followers:
+            follower.tolerance, follower.polyline_points = self._tolerance, self._polyline_points
+
+    def solve(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
+        """The equilibrium of every cable at the given joint values, by cable name.
+
+        Args:
+            joints: value by joint name, rad or m; others than `joint_names` are ignored.
+
+        Never raises for values: what cannot be used comes back as `Status.INVALID_INPUT`, and the next usable pose
+        is followed from the last one.
+        """
+        begin = time.perf_counter()
+        try:
+            values = np.array([joints[name] for name in self.joint_names], dtype=float)
+        except (KeyError, TypeError, ValueError):
+            return self._invalid(self._fault(joints), begin)
+        if not (np.abs(values) <= ABSURD).all():
+            return self._invalid(self._fault(joints), begin)
+        out = {}
+        poses = self.kinematics.poses(values)
+        for i, follower in enumerate(self._followers):
+            out[follower.name] = follower.solve(self.kinematics.poses, i, values, poses[i], begin)
+            begin = time.perf_counter()
+        self._joints = values
+        return out
+
+    def _fault(self, joints: Mapping[str, float]) -> str:
+        for name in self.joint_names:
+            if name not in joints:
+                return f"Joint '{name}' is missing; the scene needs {', '.join(self.joint_names)}."
+            try:
+                value = float(joints[name])
+            except (TypeError, ValueError):
+                return f"Joint '{name}' is {joints[name]!r}; a number in rad or m is needed."
+            if not math.isfinite(value) or abs(value) > ABSURD:
+                return f"Joint '{name}' is {value:g}; a finite value within {ABSURD:g} rad or m is needed."
+        return Status.INVALID_INPUT.sentence
+
+    def _invalid(self, message: str, begin: float) -> dict[str, Equilibrium]:
+        return {
+            follower.name: follower.failed(Status.INVALID_INPUT, message, time.perf_counter() - begin)
+            for follower in self._followers
+        }
