@@ -171,7 +171,7 @@ def _mount(cable: Section, name: str, links: tuple[str, ...] | None) -> Mount:
     section = Section(
         cable.get(name, remedy), cable.source, cable.at(name), ("link", "position", "orientation")
     )
-    link = section.text("link", "a link of the robot") if "link" in section else None
+    link = section.text("link", "a link of the robot, or leave it out") if "link" in section else None
     if link is not None and links is None:
         section.fail(
             f"'{link}' needs a robot; add 'robot: {{urdf: FILE}}' to the scene, "

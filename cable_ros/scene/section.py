@@ -52,13 +52,13 @@ class Section:
         raise SceneError(self.source, self.at(name) if name else self.place, message)
 
     def __contains__(self, name: str) -> bool:
-        return self.values.get(name) is not None
+        return name in self.values
 
     def get(self, name: str, remedy: str) -> Any:
         """The value as it stands; `remedy` tells what to add where it is missing."""
         value = self.values.get(name)
         if value is None:
-            self.fail(f"this field is missing; give {remedy}", name)
+            self.fail(f"this field is {'empty' if name in self else 'missing'}; give {remedy}", name)
         return value
 
     def text(self, name: str, remedy: str) -> str:

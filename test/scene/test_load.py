@@ -144,6 +144,13 @@ MISTAKES = {
     ),
     "unknown top field": (scene(gravitation=[0, 0, 0]), "gravitation", "did you mean 'gravity'"),
     "missing": (scene(cable(length=None)), "cables[0].length", "missing; give metres"),
+    "empty number": (scene({**cable(), "length": None}), "cables[0].length", "empty; give metres"),
+    "empty link": (
+        scene(cable(end=mount(link=None))),
+        "cables[0].end.link",
+        "empty; give a link of the robot",
+    ),
+    "empty robot": (scene(robot=None), "robot", "must be a mapping with the fields urdf, not empty"),
     "missing mount": (scene(cable(end=None)), "cables[0].end", "missing; give {position"),
     "missing position": (
         scene(cable(end={"orientation": [0, 0, 0, 1]})),
