@@ -98,14 +98,16 @@ def _dependencies(type_name: str, text: str) -> list[str]:
 
 
 def _from_rosbags(type_name: str) -> str:
+    package, _ = _split(type_name)
+    unknown = LogError(
+        f"Message type {type_name} is not installed; install ROS package '{package}', or rosbags for the"
+        " common interfaces."
+    )
     try:
-        from rosbags.typesys import Stores, get_typestore
-
-        store = get_typestore(Stores.ROS2_JAZZY)
-        return str(store.generate_msgdef(type_name, ros_version=2)[0])
-    except (ImportError, KeyError):
-        package, _ = _split(type_name)
-        raise LogError(
-            f"Message type {type_name} is not installed; install ROS package '{package}', or rosbags for the"
-            " common interfaces."
-        ) from None
+        from rosbags.typesys import Stores, TypesysError, get_typestore
+    except ImportError:
+        raise unknown from None
+    try:
+        return str(get_typestore(Stores.ROS2_JAZZY).generate_msgdef(type_name, ros_version=2)[0])
+    except TypesysError:
+        raise unknown from None

@@ -25,10 +25,12 @@ class UnfinishedFile:
     def __init__(self, path: Path, buffer_bytes: int, suffix: str = SUFFIX) -> None:
         self.path = path
         self.part_path = path.with_name(path.name + suffix)
-        for existing in (path, self.part_path):
-            if existing.exists():
-                raise LogError(describe(FileExistsError(errno.EEXIST, ""), existing, "write"))
         try:
+            for existing in (path, self.part_path):
+                if existing.exists():
+                    raise LogError(describe(FileExistsError(errno.EEXIST, ""), existing, "write"))
+            if path.parent.exists() and not path.parent.is_dir():
+                raise NotADirectoryError(errno.ENOTDIR, "")
             path.parent.mkdir(parents=True, exist_ok=True)
             self.stream = io.BufferedWriter(io.FileIO(self.part_path, "xb"), buffer_bytes)
         except OSError as error:
