@@ -1,0 +1,231 @@
+"""Many poses at once: arrays in, arrays out, over one or several processes."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from cable_ros.scene import Scene
+from cable_ros.tracker import Tracker
+
+CHUNK = 64
+"""Poses that one process solves in a row. Fixed, so that the number of processes changes no result."""
+
+SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Equilibria of m poses and c cables; fields as in `Equilibrium`, SI units.
+
+    Where a status is not trusted, the numbers are NaN (`converged`, `stable`, `iterations` remain).
+    """
+
+    cables: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    joints: np.ndarray
+    """(m, n_joints) rad or m."""
+    status: np.ndarray
+    """(m, c) of `Status`."""
+    converged: np.ndarray
+    """(m, c) bool."""
+    stable: np.ndarray
+    """(m, c) bool."""
+    stability_margin: np.ndarray
+    """(m, c)."""
+    end_wrench: np.ndarray
+    """(m, c, 6) what the cable exerts on the body at its end clamp, in that clamp's frame, N and N m."""
+    start_wrench: np.ndarray
+    """(m, c, 6) the same at the start clamp."""
+    points: np.ndarray
+    """(m, c, n, 3) centrelines, world, m."""
+    orientations: np.ndarray
+    """(m, c, n, 4) section frames x y z w, world."""
+    total_twist: np.ndarray
+    """(m, c) rad."""
+    energy: np.ndarray
+    """(m, c) J."""
+    error_estimate: np.ndarray
+    """(m, c) relative error of the end wrench."""
+    iterations: np.ndarray
+    """(m, c) int."""
+    stiffness: np.ndarray
+    """(m, c, 6, 6) derivative of the end wrench by a small motion of the end clamp, in its frame."""
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    @property
+    def trusted(self) -> np.ndarray:
+        """(m, c) bool: which numbers are to be believed."""
+        return np.vectorize(lambda status: status.trusted, otypes=[bool])(self.status)
+
+
+def solve_many(
+    scene: Scene,
+    joints: np.ndarray,
+    *,
+    tolerance: float = 1e-4,
+    polyline_points: int = 2,
+    workers: int = 1,
+) -> Batch:
+    """Equilibria along a path of poses.
+
+    The first pose is solved cold. The path is walked in strides of `CHUNK` poses, each cable staying on its
+    branch, and from each of these its stretch of the path is tracked pose by pose. So the result is that of
+    a tracker led along the path, and does not depend on `workers`.
+
+    Args:
+        scene: the scene.
+        joints: (m, n_joints) joint values in the order of `Tracker.joint_names`, rad or m; (m,) for one.
+        tolerance: relative error of the end wrench that is acceptable.
+        polyline_points: points of each centreline, at least 2.
+        workers: processes; 1 stays in this one. More need the caller's script to be importable
+            (`if __name__ == "__main__":`), as everywhere in multiprocessing.
+
+    Raises:
+        ValueError: `joints` is empty or has not one column for each joint.
+    """
+    return concatenate(
+        [batch for _, batch in solve_paths([(scene, [joints])], tolerance, polyline_points, workers)]
+    )
+
+
+def solve_paths(
+    jobs: Iterable[tuple[Scene, Sequence[np.ndarray]]],
+    tolerance: float = 1e-4,
+    polyline_points: int = 2,
+    workers: int = 1,
+) -> Iterator[tuple[int, Batch]]:
+    """Several paths in each of several scenes: chunk after chunk, in order, each as soon as it is there.
+
+    A scene's first path starts cold, every other one from the first pose of the path before it. Arguments
+    and errors as in `solve_many`.
+
+    Yields:
+        The index of the job and the next chunk of one of its paths.
+    """
+    pending: deque[tuple[int, Future[Batch]]] = deque()
+    with _pool(workers) as submit:
+        for index, (scene, paths) in enumerate(jobs):
+            for chunk in _chunks(_Job(next(_numbers), scene, tolerance, polyline_points), paths):
+                pending.append((index, submit(_solve_chunk, *chunk)))
+                while len(pending) > 4 * workers:  # enough to keep every process busy
+                    done, batch = pending.popleft()
+                    yield done, batch.result()
+        while pending:
+            done, batch = pending.popleft()
+            yield done, batch.result()
+
+
+def _chunks(job: _Job, paths: Sequence[np.ndarray]) -> Iterator[tuple[_Job, Any, np.ndarray]]:
+    """The chunks of the paths, each with the state of a tracker that has come to its first pose."""
+    scout = Tracker(job.scene, job.tolerance, 2)
+    start: Any = None
+    for path in paths:
+        poses = _as_poses(path, scout.joint_names)
+        if start is not None:
+            scout.restore(start)
+        for begin in range(0, len(poses), CHUNK):
+            scout.solve(dict(zip(scout.joint_names, poses[begin].tolist(), strict=True)))
+            if begin == 0:
+                start = scout.snapshot()
+            yield job, scout.snapshot(), poses[begin : begin + CHUNK]
+
+
+def concatenate(batches: Sequence[Batch]) -> Batch:
+    """The batches, of the same scene, as one."""
+    first = batches[0]
+    if len(batches) == 1:
+        return first
+    arrays = {
+        name: np.concatenate([getattr(batch, name) for batch in batches]) for name in ("joints", *_PER_CABLE)
+    }
+    return Batch(first.cables, first.joint_names, **arrays)
+
+
+_PER_CABLE = tuple(field.name for field in fields(Batch))[3:]
+_numbers = itertools.count()
+
+
+@dataclass(frozen=True)
+class _Job:
+    number: int
+    scene: Scene
+    tolerance: float
+    polyline_points: int
+
+
+_latest: tuple[int, Tracker] | None = None  # the tracker of the job that this process worked at last
+
+
+def _solve_chunk(job: _Job, state: Any, poses: np.ndarray) -> Batch:
+    global _latest
+    if _latest is None or _latest[0] != job.number:
+        _latest = job.number, Tracker(job.scene, job.tolerance, job.polyline_points)
+    tracker = _latest[1]
+    tracker.restore(state)
+    names = tracker.joint_names
+    rows = [tracker.solve(dict(zip(names, pose, strict=True))) for pose in poses.tolist()]
+    cables = tuple(cable.name for cable in job.scene.cables)
+    arrays = {
+        name: np.array([[getattr(row[cable], name) for cable in cables] for row in rows])
+        for name in _PER_CABLE
+    }
+    batch = Batch(cables, names, poses, **arrays)
+    refused = ~batch.trusted
+    for values in arrays.values():
+        if values.dtype == float:
+            values[refused] = np.nan
+    return batch
+
+
+def _as_poses(path: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    poses = np.asarray(path, dtype=float)
+    if poses.ndim == 1 and len(names) == 1:
+        poses = poses[:, None]
+    if poses.ndim != 2 or poses.shape[1] != len(names) or not len(poses):
+        wanted = f"(m, {len(names)}), a column for each of {', '.join(names) or 'no joint'}"
+        raise ValueError(f"joints has the shape {np.shape(path)}; it must be {wanted}, with at least one row")
+    return poses
+
+
+@contextlib.contextmanager
+def _pool(workers: int) -> Iterator[Callable[..., Future[Batch]]]:
+    """Gives the function that has a chunk solved: here for one worker, else by that many processes."""
+    if workers <= 1:
+        yield _solve_here
+        return
+    threads = {name: os.environ.get(name) for name in SINGLE_THREADED}
+    os.environ.update(dict.fromkeys(SINGLE_THREADED, "1"))  # the processes are the parallelism
+    executor = ProcessPoolExecutor(
+        workers,
+        multiprocessing.get_context("spawn"),
+        initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_IGN),
+    )
+    try:
+        yield executor.submit
+    finally:
+        executor.shutdown(cancel_futures=True)
+        for name, value in threads.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _solve_here(function: Callable[..., Batch], *arguments: Any) -> Future[Batch]:
+    future: Future[Batch] = Future()
+    future.set_result(function(*arguments))
+    return future

@@ -1,0 +1,137 @@
+"""`cable sweep`: many poses and parameters to a table or a log."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import itertools
+import math
+import os
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cable_ros.cli._arguments import check_joints, named_range, relative_tolerance
+
+if TYPE_CHECKING:
+    from cable_ros.scene import Scene
+
+EXAMPLE = """examples:
+  cable sweep config/space_arm.yaml --joint orientation=-90:90:0.5deg --out arm.csv
+  cable sweep config/space_arm.yaml --joint orientation=-90:90:1deg \\
+      --vary youngs_modulus=1e6:10e6:1e6 --vary camera_cable.length=0.38,0.40 --out stiffness.parquet
+
+The last joint is tracked in order, from the branch that the scene names. --vary takes a field of every
+cable, or CABLE.FIELD for one; every cable then starts near the total twist of the first variant, unless
+the scene or --vary gives it. Rows that are not to be trusted hold their status and no numbers.
+The result does not depend on the number of processes."""
+
+POSES_PER_PROCESS = 4000  # fewer are solved before another process has started
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    parser = subparsers.add_parser(
+        "sweep",
+        help="many poses and parameters, to CSV, Parquet or MCAP",
+        description="Solve the product of joint ranges and scene variations, over all cores.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("scene", metavar="SCENE", help="scene file (YAML)")
+    ranges = {"type": named_range, "action": "append", "default": []}
+    parser.add_argument(
+        "--joint",
+        metavar="NAME=START:STOP:STEP",
+        help="joint range, both ends included; or NAME=A,B,C",
+        **ranges,
+    )
+    parser.add_argument("--vary", metavar="FIELD=START:STOP:STEP", help="range of a scene field", **ranges)
+    parser.add_argument(
+        "--out", metavar="FILE", type=Path, required=True, help="table (.csv, .parquet) or log (.mcap)"
+    )
+    parser.add_argument(
+        "--tolerance",
+        metavar="T",
+        type=relative_tolerance,
+        default=1e-4,
+        help="of the end wrench (default 1e-4)",
+    )
+    parser.add_argument(
+        "--jobs", metavar="N", type=int, default=0, help="processes (default: one for each core)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from cable_ros.batch import solve_paths
+    from cable_ros.cli._tables import open_table
+    from cable_ros.scene import Kinematics, load_scene, vary
+
+    scene = load_scene(args.scene)
+    names = [name for name, _ in args.vary]
+    variants = [
+        dict(zip(names, values, strict=True))
+        for values in itertools.product(*(values.tolist() for _, values in args.vary))
+    ]
+    scenes = [vary(scene, variant) for variant in variants]  # every mistake is told before the first solve
+    paths = grid(args.joint, Kinematics(scene).joint_names)
+    count = len(scenes) * sum(map(len, paths))
+    workers = args.jobs or min(cores(), math.ceil(count / POSES_PER_PROCESS))
+    point_count = 101 if args.out.suffix == ".mcap" else 2
+    statuses: Counter[str] = Counter()
+    begin = time.monotonic()
+    with open_table(args.out, scene) as table, tqdm(total=count, unit="pose", disable=None) as progress:
+        jobs = ((varied, paths) for varied in same_branch(scenes, paths[0][0]))
+        for index, batch in solve_paths(jobs, args.tolerance, point_count, workers):
+            table.write(variants[index], batch)
+            statuses.update(status.name for status in batch.status.ravel())
+            progress.update(len(batch))
+    seconds = time.monotonic() - begin
+    what = ", ".join(f"{number} {name}" for name, number in statuses.most_common())
+    speed = f"{workers} processes, {seconds:.1f} s, {count / seconds:.0f} poses/s"
+    print(f"{args.out}: {count} poses, {what}; {speed}")
+    return 0
+
+
+def grid(ranges: Sequence[tuple[str, np.ndarray]], joint_names: Sequence[str]) -> list[np.ndarray]:
+    """The product of the ranges as paths (m, n_joints) along the last one, columns as in `joint_names`."""
+    given = [name for name, _ in ranges]
+    check_joints(given, joint_names)
+    if not ranges:
+        return [np.empty((1, 0))]
+    order = [given.index(name) for name in joint_names]
+    *slow, fast = (values for _, values in ranges)
+    return [
+        np.column_stack([*(np.full(len(fast), value) for value in values), fast])[:, order]
+        for values in itertools.product(*slow)
+    ]
+
+
+def same_branch(scenes: Sequence[Scene], pose: np.ndarray) -> Iterator[Scene]:
+    """The scenes, each cable without a hint given the total twist that it has in the first of them."""
+    from cable_ros.tracker import Tracker
+
+    yield scenes[0]
+    if len(scenes) == 1 or all(cable.total_twist is not None for cable in scenes[0].cables):
+        yield from scenes[1:]
+        return
+    tracker = Tracker(scenes[0])
+    found = tracker.solve(dict(zip(tracker.joint_names, pose.tolist(), strict=True)))
+    for scene in scenes[1:]:
+        cables = tuple(
+            dataclasses.replace(cable, total_twist=found[cable.name].total_twist)
+            if cable.total_twist is None and found[cable.name].status.trusted
+            else cable
+            for cable in scene.cables
+        )
+        yield dataclasses.replace(scene, cables=cables)
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
