@@ -1,8 +1,28 @@
 """What an externally mounted cable does to its robot, live."""
 
-from cable_ros.equilibrium import Equilibrium
-from cable_ros.scene import load_scene
-from cable_ros.solve.status import Status
-from cable_ros.tracker import Tracker
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cable_ros.equilibrium import Equilibrium
+    from cable_ros.scene import load_scene
+    from cable_ros.solve.status import Status
+    from cable_ros.tracker import Tracker
 
 __all__ = ["Equilibrium", "Status", "Tracker", "load_scene"]
+
+_HOMES = {
+    "Equilibrium": "cable_ros.equilibrium",
+    "Status": "cable_ros.solve.status",
+    "Tracker": "cable_ros.tracker",
+    "load_scene": "cable_ros.scene",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import at first use: `cable -h` and the log's commands need no compiler and no solver."""
+    if name not in _HOMES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module(_HOMES[name]), name)

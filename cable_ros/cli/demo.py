@@ -45,7 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from cable_ros.cli import plot
+    from cable_ros.cli.plot import draw
     from cable_ros.share import share_file
 
     args.out.mkdir(parents=True, exist_ok=True)
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     angles = np.radians(np.arange(-90, 90.01, 0.5))
     with node_process(share_file("config", "space_arm.yaml"), log) as check:
         drive(angles, check)
-    shapes, wrench = plot.draw(log, args.out)
+    shapes, wrench = draw(log, args.out)
     print(f"{log}: {len(angles)} joint states and, for each, the end wrench, polyline and diagnostics")
     print(f"{shapes}: the cable's shapes in the XOZ, YOZ and XOY planes")
     print(f"{wrench}: the end force and moment against the angle of the joint")
