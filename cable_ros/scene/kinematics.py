@@ -46,9 +46,11 @@ class Kinematics:
         self.joint_names = tuple(model.names)[1:]
         frames = []
         for i, mount, link in moving:
-            body = model.frames[model.getFrameId(link)]
+            carrier = model.getFrameId(link)
+            body = model.frames[carrier]
+            joint = body.parentJoint if hasattr(body, "parentJoint") else body.parent  # Pinocchio 3, 2
             placement = body.placement * _placement(pin, mount)
-            frame = pin.Frame(f"clamp {i}", body.parentJoint, placement, pin.FrameType.OP_FRAME)
+            frame = pin.Frame(f"clamp {i}", joint, carrier, placement, pin.FrameType.OP_FRAME)
             frames.append((i, model.addFrame(frame)))
         self._data = model.createData()
         # The placements are views of Pinocchio's data: an update moves them all.
