@@ -81,7 +81,7 @@ def test_heavy_cable_against_collocation(gravity_number: float) -> None:
 def test_non_finite_or_absurd_claims_are_not_converged() -> None:
     reference = CLOSED["helix"]
     rng = np.random.default_rng(1)
-    absurd = Rotation.random(101, rng=rng).as_quat()
+    absurd = Rotation.random(101, random_state=rng).as_quat()
     wrench = reference.start_wrench
     result = refine(rod_of(reference), rng.normal(size=(101, 3)), absurd, 1e3 * wrench, wrench)
     assert not result.converged or result.wrench_error > 0.1
