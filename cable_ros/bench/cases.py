@@ -1,0 +1,200 @@
+"""A named case, and what becomes of it: every answer is verified or reported, never silently wrong."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cable_ros.bench.verification import Rod, Verification, verify
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.scene import Scene, load_scene
+from cable_ros.scene.kinematics import Kinematics
+from cable_ros.solve.status import Status
+from cable_ros.tracker import Tracker
+
+Pose = Mapping[str, float]
+TRUSTED = (Status.CONVERGED, Status.SNAPPED)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One hard case: a cable, the poses it is led through, and what must come out."""
+
+    name: str
+    expected: str
+    """In words, for the table."""
+    scene: Mapping[str, Any] | str
+    """In the scene's format, or a scene file."""
+    path: Sequence[Pose] = ({},)
+    """Joint values, solved one after the other by one tracker."""
+    urdf: str | None = None
+    statuses: tuple[Status, ...] = (Status.CONVERGED,)
+    """What the last pose may end in."""
+    along: tuple[Status, ...] = TRUSTED
+    """What the poses before may end in."""
+    wrench: np.ndarray | Callable[[], np.ndarray] | None = None
+    """(6,) exact end wrench at the last pose; (n, 6) where any one of several is right."""
+    wrench_tolerance: float = 1e-4
+    """Relative difference allowed from `wrench`; its reason stands beside the case."""
+    tolerance: float = 1e-4
+    """What the tracker is asked for."""
+    polyline_points: int = 101
+    check: Callable[[list[Step]], str | None] | None = None
+    """What else must hold: returns a sentence where it does not."""
+    baselines: bool = True
+    """Whether a cold solve of the last pose means anything for the baselines."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One pose's answer and what verification says of it."""
+
+    equilibrium: Equilibrium
+    rod: Rod
+    verification: Verification | None
+    """None where the status says that the numbers are not to be trusted."""
+    seconds: float
+    """Wall time of the whole call."""
+    fault: str | None
+    """Why the answer is wrong; None: verified, or reported as not to be trusted."""
+
+    @property
+    def verified(self) -> bool:
+        return self.verification is not None and self.fault is None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    case: Case
+    steps: list[Step] = field(default_factory=list)
+    fault: str | None = None
+    reference_error: float = math.nan
+    """Relative difference of the last end wrench from the case's reference."""
+
+    @property
+    def passed(self) -> bool:
+        return self.fault is None
+
+    @property
+    def verified_error(self) -> float:
+        """Largest wrench error along the path by verification."""
+        errors = [s.verification.wrench_error for s in self.steps if s.verification is not None]
+        return max(errors, default=math.nan)
+
+
+def case_scene(case: Case) -> Scene:
+    return load_scene(case.scene, urdf=case.urdf)
+
+
+def rods(scene: Scene, kinematics: Kinematics, joints: Pose) -> dict[str, Rod]:
+    """The cables as verification takes them, at a pose with all needed joints finite."""
+    q = np.array([joints[name] for name in kinematics.joint_names], dtype=float)
+    poses = kinematics.poses(q)
+    return {
+        cable.name: Rod(
+            cable.length, cable.stiffness, scene.gravity * cable.linear_density, poses[i, 0], poses[i, 1]
+        )
+        for i, cable in enumerate(scene.cables)
+    }
+
+
+def judge(rod: Rod, equilibrium: Equilibrium, tolerance: float) -> tuple[Verification | None, str | None]:
+    """Verification of an answer, and what is wrong with it, if anything.
+
+    Trusted answers must be finite, sit on their clamps (to a tenth of `tolerance`), and be within
+    `tolerance` of a true and stable equilibrium.
+    """
+    if not equilibrium.status.trusted:
+        return None, None
+    for name in ("end_wrench", "start_wrench", "points", "orientations", "stiffness"):
+        if not np.all(np.isfinite(getattr(equilibrium, name))):
+            return None, f"{name} is not finite in a trusted answer"
+    for name in ("stability_margin", "total_twist", "energy", "error_estimate"):
+        if not math.isfinite(getattr(equilibrium, name)):
+            return None, f"{name} is not finite in a trusted answer"
+    miss = _clamp_miss(rod, equilibrium)
+    if miss > 0.1 * tolerance:
+        return None, f"the polyline misses a clamp by {miss:.1e} of the length or rad"
+    found = verify(rod, equilibrium)
+    if not found.converged:
+        return found, "no equilibrium found beside the answer"
+    if found.wrench_error > tolerance:
+        return found, f"wrench off by {found.wrench_error:.1e}, asked for {tolerance:.0e}"
+    if not found.stable:
+        return found, f"not a minimum, but published as one (margin {equilibrium.stability_margin:.1e})"
+    return found, None
+
+
+def _clamp_miss(rod: Rod, equilibrium: Equilibrium) -> float:
+    worst = 0.0
+    for i, clamp in ((0, rod.start), (-1, rod.end)):
+        gap = np.linalg.norm(equilibrium.points[i] - clamp[:3]) / rod.length
+        turn = Rotation.from_quat(equilibrium.orientations[i]).inv() * Rotation.from_quat(clamp[3:])
+        worst = max(worst, float(gap), float(turn.magnitude()))
+    return worst
+
+
+def solve_step(tracker: Tracker, scene: Scene, kinematics: Kinematics, joints: Pose) -> list[Step]:
+    """One pose: an answer for each cable, judged. Exceptions of the tracker pass through."""
+    began = time.perf_counter()
+    answers = tracker.solve(dict(joints))
+    seconds = time.perf_counter() - began
+    usable = all(math.isfinite(joints.get(name, math.nan)) for name in kinematics.joint_names)
+    at = dict(joints) if usable else dict.fromkeys(kinematics.joint_names, 0.0)
+    steps = []
+    for name, rod in rods(scene, kinematics, at).items():
+        if usable:
+            verification, fault = judge(rod, answers[name], tracker.tolerance)
+        else:
+            trusted = answers[name].status.trusted
+            verification, fault = None, "trusted without usable joints" if trusted else None
+        steps.append(Step(answers[name], rod, verification, seconds, fault))
+    return steps
+
+
+def run_case(case: Case) -> Outcome:
+    """Lead the case's cable through its path and judge every answer."""
+    steps: list[Step] = []
+    try:
+        scene = case_scene(case)
+        tracker = Tracker(scene, tolerance=case.tolerance, polyline_points=case.polyline_points)
+        kinematics = Kinematics(scene)
+        for joints in case.path:
+            steps += solve_step(tracker, scene, kinematics, joints)
+    except Exception as raised:  # an exception is what a case must never end in
+        last = traceback.extract_tb(raised.__traceback__)[-1]
+        where = f"{os.path.basename(last.filename)}:{last.lineno}"
+        return Outcome(case, steps, f"{type(raised).__name__} at {where}: {raised}")
+    error = math.nan
+    if case.wrench is not None:
+        exact = np.atleast_2d(case.wrench() if callable(case.wrench) else case.wrench)
+        error = min(relative_difference(steps[-1].equilibrium.end_wrench, w, steps[-1].rod) for w in exact)
+    return Outcome(case, steps, _fault(case, steps, error), error)
+
+
+def _fault(case: Case, steps: list[Step], error: float) -> str | None:
+    for i, step in enumerate(steps):
+        where = f"pose {i}: " if len(steps) > 1 else ""
+        if step.fault is not None:
+            return where + step.fault
+        allowed = case.statuses if i == len(steps) - 1 else case.along
+        if step.equilibrium.status not in allowed:
+            return f"{where}{step.equilibrium.status.name}: {step.equilibrium.message}"
+    if case.wrench is not None and not error <= case.wrench_tolerance:
+        return f"end wrench off the reference by {error:.1e}, allowed {case.wrench_tolerance:.0e}"
+    return case.check(steps) if case.check is not None else None
+
+
+def relative_difference(wrench: np.ndarray, exact: np.ndarray, rod: Rod) -> float:
+    """|difference| / |exact| with moments divided by the length."""
+    unit = np.array([1.0] * 3 + [1.0 / rod.length] * 3)
+    size = max(float(np.linalg.norm(exact * unit)), 1e-12 * float(np.max(rod.stiffness)) / rod.length**2)
+    return float(np.linalg.norm((wrench - exact) * unit)) / size

@@ -1,0 +1,203 @@
+"""`cable bench robustness`: random cases by the thousand, or a list of named ones; all verified."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from cable_ros.bench.cases import Case, Outcome, Step, run_case
+from cable_ros.bench.fuzz import STEPS, cold_case, tracked_case
+from cable_ros.solve.status import Status
+
+EXAMPLE = """examples:
+  cable bench robustness --cases 10000 --seed 1
+  cable bench robustness --seed 1 --only cold:4711       one case of a run again
+  cable bench robustness --zoo test/zoo.py --markdown docs/robustness.md
+
+exit code: 1 when an answer that was published as true is not, or fewer than 99.9 % converged"""
+
+SHARE = 0.999
+"""Least share of cases that must converge to a verified equilibrium."""
+SLOW = 1.0
+"""No case may take longer, s."""
+GRAVITY_EDGES = (0, 1, 10, 50, 100, 200, np.inf)
+CHORD_EDGES = (0.0, 0.2, 0.5, 0.8, 0.9, 0.95, np.inf)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the subcommand."""
+    parser.add_argument("--cases", type=int, default=1000, metavar="N", help="cold cases (default 1000)")
+    parser.add_argument("--steps", type=int, metavar="N", help="tracked steps (default: as many as cases)")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="which random cases (default 0)")
+    parser.add_argument("--tolerance", type=float, default=1e-4, metavar="T", help="asked for (default 1e-4)")
+    parser.add_argument("--only", metavar="KIND:INDEX", help="a single case, such as cold:17 or tracked:3")
+    parser.add_argument("--baselines", type=int, default=0, metavar="N", help="also solve N cases by those")
+    parser.add_argument("--zoo", metavar="FILE", help="run the named cases (CASES) of a Python file instead")
+    parser.add_argument("--markdown", metavar="FILE", help="write the table of the named cases there")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run it and print what came out."""
+    if args.zoo:
+        from cable_ros.bench.zoo_table import run_zoo
+
+        return run_zoo(Path(args.zoo), Path(args.markdown) if args.markdown else None)
+    if args.only:
+        return _run_one(args)
+    steps = args.cases if args.steps is None else args.steps
+    paths = -(-steps // STEPS)
+    cold = Tally("cold starts")
+    for outcome in _progress(
+        (run_case(cold_case(args.seed, i, args.tolerance)) for i in range(args.cases)), args.cases, "cold"
+    ):
+        cold.add(outcome)
+    tracked = Tally("tracked steps")
+    for outcome in _progress(
+        (run_case(tracked_case(args.seed, i, args.tolerance)) for i in range(paths)), paths, "tracked"
+    ):
+        tracked.add(outcome)
+    tallies = [tally for tally in (cold, tracked) if tally.answers]
+    print("\n\n".join(tally.report(args.seed) for tally in tallies))
+    if args.baselines:
+        from cable_ros.bench.baseline_share import compare
+
+        print("\n" + compare([cold_case(args.seed, i, args.tolerance) for i in range(args.baselines)]))
+    return 0 if all(tally.good for tally in tallies) else 1
+
+
+def _progress(outcomes: Iterator[Outcome], total: int, name: str) -> Iterator[Outcome]:
+    from tqdm import tqdm
+
+    return iter(tqdm(outcomes, total=total, desc=name, leave=False, disable=not sys.stderr.isatty()))
+
+
+def _run_one(args: argparse.Namespace) -> int:
+    kind, _, index = args.only.partition(":")
+    makers = {"cold": cold_case, "tracked": tracked_case}
+    if kind not in makers or not index.isdecimal():
+        raise RobustnessError(
+            f"'{args.only}' names no case; give cold:INDEX or tracked:INDEX, as a run prints"
+        )
+    outcome = run_case(makers[kind](args.seed, int(index), args.tolerance))
+    for i, step in enumerate(outcome.steps):
+        found = step.equilibrium
+        error = step.verification.wrench_error if step.verification else np.nan
+        print(
+            f"{i:4d}  {found.status.name:13s} twist {found.total_twist:+9.4f}  energy {found.energy:.6g}  "
+            f"margin {found.stability_margin:.3g}  error {error:.1e}  iterations {found.iterations:3d}  "
+            f"{1e3 * step.seconds:.2f} ms  {step.fault or ''}"
+        )
+    print(outcome.fault or "verified" if outcome.steps else outcome.fault)
+    return 0 if outcome.passed else 1
+
+
+class RobustnessError(ValueError):
+    """The arguments do not name something to run."""
+
+
+@dataclass
+class Tally:
+    """What became of many cases."""
+
+    name: str
+    answers: list[Step] = field(default_factory=list)
+    wrong: list[tuple[Case, str]] = field(default_factory=list)
+    """Published as true and not, raised, or took too long."""
+    reported: list[tuple[Case, str]] = field(default_factory=list)
+    """Honestly said not to be solved."""
+    statuses: Counter[Status] = field(default_factory=Counter)
+
+    def add(self, outcome: Outcome) -> None:
+        self.answers += outcome.steps
+        for i, step in enumerate(outcome.steps):
+            self.statuses[step.equilibrium.status] += 1
+            where = f"pose {i}: " if len(outcome.steps) > 1 else ""
+            if step.fault is not None:
+                self.wrong.append((outcome.case, where + step.fault))
+            elif not step.equilibrium.status.trusted:
+                self.reported.append((outcome.case, where + step.equilibrium.message))
+            if step.seconds > SLOW:
+                self.wrong.append((outcome.case, f"{where}took {step.seconds:.1f} s"))
+        for before, after in zip(outcome.steps, outcome.steps[1:], strict=False):
+            if _hidden_jump(before, after):
+                self.wrong.append((outcome.case, "the shape jumped without a report of a snap"))
+        if not outcome.passed and not any(case is outcome.case for case, _ in self.wrong + self.reported):
+            self.wrong.append((outcome.case, outcome.fault or ""))
+
+    @property
+    def share(self) -> float:
+        """Share of answers that are verified equilibria."""
+        return sum(step.verified for step in self.answers) / max(1, len(self.answers))
+
+    @property
+    def good(self) -> bool:
+        return not self.wrong and self.share >= SHARE
+
+    def report(self, seed: int) -> str:
+        times = 1e3 * np.array([step.seconds for step in self.answers])
+        iterations = np.array([step.equilibrium.iterations for step in self.answers])
+        errors = [s.verification.wrench_error for s in self.answers if s.verification and s.verified]
+        lines = [
+            f"{self.name}: {len(self.answers)}, seed {seed}",
+            f"  converged and verified  {100 * self.share:.3f} %",
+            f"  reported as not         {len(self.reported)}",
+            f"  wrong                   {len(self.wrong)}",
+            "  statuses                "
+            + ", ".join(f"{status.name} {count}" for status, count in self.statuses.most_common()),
+            f"  wrench error            median {np.median(errors or [np.nan]):.1e}, "
+            f"largest {max(errors, default=np.nan):.1e}",
+            f"  time                    median {np.median(times):.2f} ms, 99 % {np.quantile(times, 0.99):.2f} ms, "
+            f"most {times.max():.1f} ms",
+            f"  iterations              median {np.median(iterations):.0f}, most {iterations.max()}",
+            *self._by("gravity number", [s.rod.gravity_number for s in self.answers], GRAVITY_EDGES),
+            *self._by("chord / length", [_chord(s) for s in self.answers], CHORD_EDGES),
+        ]
+        for title, cases in (("reported", self.reported), ("WRONG", self.wrong)):
+            lines += [f"  {title}: {_label(case)}: {why}" for case, why in cases[:50]]
+            if len(cases) > 50:
+                lines.append(f"  ... and {len(cases) - 50} more {title}")
+        return "\n".join(lines)
+
+    def _by(self, name: str, values: list[float], edges: tuple[float, ...]) -> list[str]:
+        place = np.digitize(values, edges) - 1
+        lines = [
+            f"  {name:22s}  {'cases':>6s} {'verified':>9s} {'iterations':>10s} {'ms':>8s} {'most ms':>8s}"
+        ]
+        for i in range(len(edges) - 1):
+            chosen = [step for step, at in zip(self.answers, place, strict=True) if at == i]
+            if not chosen:
+                continue
+            ms = [1e3 * step.seconds for step in chosen]
+            lines.append(
+                f"    {edges[i]:8g} .. {edges[i + 1]:8g}  {len(chosen):6d} "
+                f"{100 * np.mean([s.verified for s in chosen]):8.2f}% "
+                f"{np.median([s.equilibrium.iterations for s in chosen]):10.0f} "
+                f"{np.median(ms):8.2f} {max(ms):8.1f}"
+            )
+        return lines
+
+
+def _label(case: Case) -> str:
+    return case.name.replace(" ", ":")
+
+
+def _chord(step: Step) -> float:
+    return float(np.linalg.norm(step.rod.end[:3] - step.rod.start[:3]) / step.rod.length)
+
+
+def _hidden_jump(before: Step, after: Step) -> bool:
+    """Whether the shape moved far while the clamp moved little, and no snap was reported."""
+    first, second = before.equilibrium, after.equilibrium
+    if Status.SNAPPED is second.status or not (first.status.trusted and second.status.trusted):
+        return False
+    moved = np.linalg.norm(second.points - first.points, axis=1).max() / after.rod.length
+    turn = abs(second.total_twist - first.total_twist)
+    clamp = np.linalg.norm(after.rod.end[:3] - before.rod.end[:3]) / after.rod.length
+    # Near a fold the shape moves like the root of the clamp's motion; a jump is far beyond that.
+    return bool(clamp < 0.02 and (moved > 0.4 or turn > np.pi))
