@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -43,6 +46,21 @@ class Equilibrium:
     iterations: int
     solve_time: float
     """Wall time of this solve, s."""
-    stiffness: np.ndarray
-    """(6, 6) derivative of `end_wrench` with respect to a small translation [m] and rotation [rad]
-    of the end clamp, about and along the end clamp's own axes, the start clamp held."""
+    _tangent: Callable[[], np.ndarray] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """(6, 6) derivative of `end_wrench` by a small motion of the end clamp, the start clamp held; NaN without a result.
+
+        Columns: translation [m] along, then rotation [rad] about the end clamp's own axes through the clamp point; rows:
+        the components of `end_wrench`, along the axes that move with the clamp. Exact, from the factored tangent at the
+        equilibrium; computed when first read. With W = (f, m) the end wrench and dead loads, its antisymmetric part is
+        that of the moving axes: K - K^T = [[0, [f]x], [[f]x, [m]x]] with [v]x u = v x u.
+        """
+        return np.full((6, 6), np.nan) if self._tangent is None else self._tangent()
+
+    def as_dict(self) -> dict[str, Any]:
+        """All public fields and `stiffness` by name."""
+        out = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
+        out["stiffness"] = self.stiffness
+        return out

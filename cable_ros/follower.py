@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from cable_ros.statics.walk import End, Walk, walk
 
 ALGEBRAIC = 1e-3
 """The iteration is stopped at this part of the tolerance: what is left is then nothing beside the resolution's error."""
+LONGEST = 0.5
+"""Longest step in joint values, rad or m, that may be taken at once: whole turns must not be overlooked."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -43,11 +46,10 @@ class Follower:
         self._joints = np.empty(0)
         self._twist: float | None = None
         self._resolved = 0.0
-        self._estimate = np.nan
+        self._estimate = self._margin = np.nan
 
-    def _conditions(self, poses: np.ndarray, before: np.ndarray) -> tuple[Conditions, np.ndarray]:
-        qe, re, f, start = relative(poses, before, self._weight, self._units.length, self._units.force)
-        return Conditions(qe, re, f), start
+    def _conditions(self, poses: np.ndarray, before: np.ndarray) -> Conditions:
+        return Conditions(*relative(poses, before, self._weight, self._units.length, self._units.force))
 
     def solve(
         self, kinematics: Callable[[np.ndarray], np.ndarray], index: int, joints: np.ndarray, poses: np.ndarray,
@@ -57,7 +59,9 @@ class Follower:
         rod = self._rod
         if rod is None or self._resolved != self.tolerance:
             return self._cold(joints, poses, begin, self._twist if self._twist is not None else self._hint)
-        qe, re, f, _ = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
+        if np.abs(joints - self._joints).max(initial=0.0) > LONGEST:
+            return self._far(kinematics, index, joints, poses, begin)
+        qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
         code, iterations, q, F = rod.advance(self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance)
         if code == compiled.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
@@ -79,13 +83,16 @@ class Follower:
         def path(t: float) -> Conditions:
             nonlocal before
             nearest = max((s for s in frames if s <= t), default=0.0)
-            conditions, _ = self._conditions(kinematics(origin + t * (joints - origin))[index], frames[nearest])
+            conditions = self._conditions(kinematics(origin + t * (joints - origin))[index], frames[nearest])
             frames[t] = conditions.qe
             return conditions
 
-        result = walk(rod, self._q, self._F, path, ALGEBRAIC * self.tolerance)
+        longest = LONGEST / max(np.abs(joints - origin).max(initial=0.0), LONGEST)
+        result = walk(rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, 0.5 * longest, longest)
         if result.end in (End.ARRIVED, End.SNAPPED):
             self._q, self._F, self._joints = result.q, result.F, joints
+            rod.linearize(self._q, self._F)
+            rod.factor(0.0)
             status = Status.SNAPPED if result.snaps else Status.CONVERGED
             return self._finish(status, self._story(result), result.iterations, poses, begin)
         # the way is barred: the pose itself may still be fine, on the branch with the twist nearest to the last
@@ -103,7 +110,7 @@ class Follower:
 
     def _cold(self, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None) -> Equilibrium:
         """Search the pose for its stable equilibria and take the one that the hint asks for, or that of least energy."""
-        conditions, _ = self._conditions(poses, IDENTITY)
+        conditions = self._conditions(poses, IDENTITY)
         chord = float(np.linalg.norm(conditions.re))
         if not chord < 1.0:
             excess = (chord - 1.0) * self._units.length
@@ -130,37 +137,34 @@ class Follower:
         """Check the resolution, refine where it has become too coarse, and read off the result."""
         rod = self._rod
         assert rod is not None
-        self._estimate = rod.relative_error(self._q, self._F)
-        if self._estimate > ACCEPT * self.tolerance:
-            energy, twist = float(rod.totals[3]), float(rod.totals[4])
-            fine, self._estimate = refine(Found(rod, self._q, self._F, energy, twist, 0), self.tolerance)
-            iterations += fine.iterations
-            self._take(fine, self._joints)
-            rod = fine.rod
+        if rod.drift == 0.0 or not self._estimate < np.inf:
+            self._estimate = rod.relative_error(self._q, self._F)
+            if self._estimate > ACCEPT * self.tolerance:
+                found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
+                fine, self._estimate = refine(found, self.tolerance)
+                iterations += fine.iterations
+                self._take(fine, self._joints)
+                rod = fine.rod
+            self._margin = rod.stability_margin()
         unit = self._units
-        margin = rod.stability_margin(2)
         self._twist = float(rod.totals[4])
-        start = np.array([poses[0, 6], poses[0, 3], poses[0, 4], poses[0, 5]])
         end_wrench, start_wrench = np.empty(6), np.empty(6)
-        end_wrench[:3] = quaternion.rotate(quaternion.conjugate(rod.qe), self._F) * -unit.force
-        end_wrench[3:] = rod.g[-1] * -unit.moment
-        start_wrench[:3] = (self._F + rod.f) * unit.force
-        start_wrench[3:] = rod.g[0] * -unit.moment
-        points, orientations = self._polyline(rod, poses[0, :3], start)
+        compiled.wrenches(self._F, rod.f, rod.qe, rod.g, unit.force, unit.moment, end_wrench, start_wrench)
+        points, orientations = self._polyline(rod, poses[0])
         return Equilibrium(
-            status=status, message=message, converged=True, stable=True, stability_margin=margin,
+            status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
             end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
             total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment, error_estimate=self._estimate,
-            iterations=iterations, solve_time=time.perf_counter() - begin, stiffness=np.full((6, 6), np.nan),
+            iterations=iterations, solve_time=time.perf_counter() - begin, _tangent=partial(_tangent, rod, rod.qe, rod.re, rod.f, self._q, self._F, unit),
         )  # fmt: skip
 
-    def _polyline(self, rod: Rod, position: np.ndarray, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _polyline(self, rod: Rod, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if self._sampling is None or self._sampling[0] is not rod or self._sampling[1] != self.polyline_points:
             self._sampling = rod, self.polyline_points, sampling(rod.mesh, self.polyline_points)
         table = self._sampling[2]
         points, orientations = np.empty((self.polyline_points, 3)), np.empty((self.polyline_points, 4))
         compiled.polyline(self._q, rod.h, table.element, table.values, table.weights, table.quadrature,
-                          position, orientation, self._units.length, points, orientations)  # fmt: skip
+                          start, self._units.length, points, orientations)  # fmt: skip
         return points, orientations
 
     def failed(self, status: Status, message: str, solve_time: float) -> Equilibrium:
@@ -170,5 +174,16 @@ class Follower:
             status=status, message=message, converged=False, stable=False, stability_margin=nan,
             end_wrench=np.full(6, nan), start_wrench=np.full(6, nan), points=np.full((n, 3), nan),
             orientations=np.full((n, 4), nan), total_twist=nan, energy=nan, error_estimate=nan, iterations=0,
-            solve_time=solve_time, stiffness=np.full((6, 6), nan),
+            solve_time=solve_time,
         )  # fmt: skip
+
+
+def _tangent(
+    rod: Rod, qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray, unit: Units
+) -> np.ndarray:
+    """`Equilibrium.stiffness` in SI, from a copy of the rod: the tracker's own may have moved on."""
+    copy = Rod(rod.mesh, rod.K, rod.natural)
+    copy.set_conditions(qe, re, f)
+    scale_wrench = np.repeat([unit.force, unit.moment], 3)
+    scale_motion = np.repeat([unit.length, 1.0], 3)
+    return -copy.end_stiffness(q, F) * scale_wrench[:, None] / scale_motion[None, :]

@@ -13,28 +13,35 @@ OPTIONS = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "e
 
 
 @njit(**OPTIONS)
-def factor(A, first, last, order, L, pivots):
+def reach(i, order, last):
+    """One past the last column that row i of the upper triangle touches: the end of the element it is the first of."""
+    return min(last, 3 * order * (i // 3 // order + 1) + 3)
+
+
+@njit(**OPTIONS)
+def factor(A, first, last, order, U, pivots):
     """Factor rows first..last-1 of the banded A = L D L^T; returns (negative pivots, smallest |pivot / diagonal|).
 
-    The unknowns come three a node and the nodes `order` an element: a row reaches back to its element's first node.
+    Row i of U receives L^T from the diagonal on: U[i, m] = L[i + m, i]. The unknowns come three a node and the nodes
+    `order` an element, so that a row reaches to its element's end and no further.
     """
     band = A.shape[1] - 1
     negative = 0
     worst = 1.0
     for i in range(first, last):
-        low = max(first, 3 * order * ((i // 3 - 1) // order))
-        d = A[i, band]
-        for j in range(low, i):
-            s = A[i, band + j - i]
-            for k in range(max(low, 3 * order * ((j // 3 - 1) // order)), j):
-                s -= L[i, band + k - i] * L[j, band + k - j]
-            L[i, band + j - i] = s  # still times the pivot of j, as the products of this row need it
-        for j in range(low, i):
-            s = L[i, band + j - i]
-            v = s / pivots[j]
-            L[i, band + j - i] = v
-            d -= s * v
+        for m in range(reach(i, order, last) - i):
+            U[i, m] = A[i + m, band - m]
+    for i in range(first, last):
+        width = reach(i, order, last) - i
+        d = U[i, 0]
         pivots[i] = d
+        inverse = 1.0 / d
+        for m in range(1, width):
+            v = U[i, m] * inverse
+            for k in range(width - m):
+                U[i + m, k] -= v * U[i, m + k]
+        for m in range(1, width):
+            U[i, m] *= inverse
         if d < 0.0:
             negative += 1
         worst = min(worst, abs(d) / (abs(A[i, band]) + 1e-300))
@@ -42,20 +49,17 @@ def factor(A, first, last, order, L, pivots):
 
 
 @njit(**OPTIONS)
-def solve(L, pivots, first, last, order, x):
+def solve(U, pivots, first, last, order, x):
     """Solve L D L^T x = x in place, rows first..last-1 of x (n,)."""
-    band = L.shape[1] - 1
     for i in range(first, last):
-        s = x[i]
-        for j in range(max(first, 3 * order * ((i // 3 - 1) // order)), i):
-            s -= L[i, band + j - i] * x[j]
-        x[i] = s
-    for i in range(first, last):
-        x[i] /= pivots[i]
+        v = x[i]
+        for m in range(1, reach(i, order, last) - i):
+            x[i + m] -= U[i, m] * v
     for i in range(last - 1, first - 1, -1):
-        s = x[i]
-        for j in range(max(first, 3 * order * ((i // 3 - 1) // order)), i):
-            x[j] -= L[i, band + j - i] * s
+        s = x[i] / pivots[i]
+        for m in range(1, reach(i, order, last) - i):
+            s -= U[i, m] * x[i + m]
+        x[i] = s
 
 
 @njit(**OPTIONS)
@@ -72,9 +76,3 @@ def multiply(A, x, y):
             s += a * x[j]
             y[j] += a * xi
         y[i] += s
-
-
-@njit(**OPTIONS)
-def negative_eigenvalues(S):
-    """How many eigenvalues of the small symmetric S are negative."""
-    return int(np.sum(np.linalg.eigvalsh(S) < 0.0))

@@ -144,14 +144,15 @@ def end_rows(elastic, geometric, C, s, dF):
 def advance(
     q, F, qe, re, f, K, kappa0, h, s0, tables,
     elastic, geometric, C, A, L, pivots, Y, S, g, radial, totals,
-    tolerance, limit, refresh, q_new, F_new,
+    tolerance, limit, drift, refresh, q_new, F_new,
 ):  # fmt: skip
-    """From the factored equilibrium (q, F) to the one whose end is at (qe, re) under the load f.
+    """From the equilibrium (q, F) to the one whose end is at (qe, re) under the load f, with the factors at hand.
 
-    A tangent predictor with the old factors, then corrections with those or, where the predictor moved by more than
-    `refresh` rad, with new ones. Leaves (q_new, F_new) factored; stops TOO_FAR where the predictor turns a section by
-    more than `limit`. `tolerance` bounds what is left of nodal rotation (rad) and relative end force.
-    Returns (code, iterations).
+    A tangent predictor, then corrections. The factors may be those of an equilibrium from which some section has
+    turned by `drift` rad; once that is more than `refresh`, after a long step, and where they no longer contract, they
+    are made anew.
+    Stops TOO_FAR where the predictor turns a section by more than `limit`. `tolerance` bounds what is left of nodal
+    rotation (rad) and relative end force. Returns (code, iterations, drift); drift 0: the factors are new.
     """
     N, dN, N3, dN3, points, weights = tables
     order = N.shape[1] - 1
@@ -169,69 +170,134 @@ def advance(
     saddle_step(gv, c, C, order, L, pivots, Y, S, s, dF)
     for k in range(3):
         s[n - 3 + k] = theta[k]
-    moved = 0.0
-    for i in range(n):
-        moved = max(moved, abs(s[i]))
+    moved = largest(s)
     if not moved <= limit:
-        return TOO_FAR, 0
+        return TOO_FAR, 0, drift
     quaternion.retract(q, s, q_new)
-    sign = 1.0 if q_new[last, 0] * qe[0] + q_new[last, 1] * qe[1] + q_new[last, 2] * qe[2] + q_new[last, 3] * qe[3] > 0.0 else -1.0
-    for a in range(4):
-        q_new[last, a] = sign * qe[a]
+    close(q_new, qe)
     for a in range(3):
         F_new[a] = F[a] + dF[a]
-    size, rate = moved, moved
+    drift += moved
+    size, rate = moved, 0.0
     fresh = False
     iterations = 0
-    for iteration in range(1, 9):
+    for iteration in range(1, 13):
         gradient(q_new, F_new, f, K, kappa0, h, s0, N, dN, points, weights, g, radial, totals)
-        if (iteration == 1 and moved > refresh) or (rate > 0.1 and iteration > 1):
+        if iteration > 1 and size * rate <= tolerance:
+            return ADVANCED, iterations, drift
+        iterations = iteration
+        if (iteration == 1 and (drift > refresh or moved > 0.5 * refresh)) or rate > 0.15:
             hessian(q_new, F_new, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, elastic, geometric, C)
             if not factor(elastic, geometric, C, 0.0, order, A, L, pivots, Y, S):
-                return NOT_CONVEX, iteration
-            fresh = True
+                return NOT_CONVEX, iteration, drift
+            fresh, drift = True, 0.0
         for a in range(3):
             c[a] = totals[a] - re[a]
         saddle_step(gv, c, C, order, L, pivots, Y, S, s, dF)
         quaternion.retract(q_new, s, q_new)
+        close(q_new, qe)
         force, change = 1e-3, 0.0
         for a in range(3):
             F_new[a] += dF[a]
             force = max(force, abs(F_new[a]))
             change = max(change, abs(dF[a]))
-        new = change / force
-        for i in range(n):
-            new = max(new, abs(s[i]))
-        rate = new / size if iteration > 1 or fresh else max(new / size, 1e-2)
+        new = max(change / force, largest(s))
+        # what the next correction would be: the ratio of the last two, and no less than the drift of the factors
+        rate = max(min(new / size, 1.0) if iteration > 1 else 0.0, drift, 1e-3)
+        if iteration > 1 and fresh and not new <= 0.5 * size:
+            return NOT_CONTRACTING, iteration, drift
         size = new
-        iterations = iteration
-        if not (rate <= 0.5 or size * rate <= tolerance):
-            return NOT_CONTRACTING, iteration
-        if size * rate <= tolerance:
-            break
-    else:
-        return NOT_CONTRACTING, iterations
+    return NOT_CONTRACTING, iterations, drift
+
+
+@njit(**OPTIONS)
+def largest(s):
+    """Largest absolute entry of s; NaN where one is."""
+    out = 0.0
+    for i in range(s.shape[0]):
+        if not abs(s[i]) <= out:
+            out = abs(s[i])
+    return out
+
+
+@njit(**OPTIONS)
+def close(q, qe):
+    """Put the last of q (n, 4) on the end frame qe or on its negative, whichever is nearer."""
+    last = q.shape[0] - 1
+    d = q[last, 0] * qe[0] + q[last, 1] * qe[1] + q[last, 2] * qe[2] + q[last, 3] * qe[3]
     for a in range(4):
-        q_new[last, a] = sign * qe[a]
-    gradient(q_new, F_new, f, K, kappa0, h, s0, N, dN, points, weights, g, radial, totals)
-    hessian(q_new, F_new, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, elastic, geometric, C)
-    if not factor(elastic, geometric, C, 0.0, order, A, L, pivots, Y, S):
-        return NOT_CONVEX, iterations
-    return ADVANCED, iterations
+        q[last, a] = qe[a] if d > 0.0 else -qe[a]
+
+
+@njit(**OPTIONS)
+def wrenches(F, f, qe, g, force, moment, end_wrench, start_wrench):
+    """End and start wrench (6,) in SI: what the cable exerts on the bodies, in the clamps' frames.
+
+    `g` (n, 3): the gradient at the equilibrium; its end rows are the moments of the clamps on the cable.
+    """
+    Fb = quaternion.rotate(quaternion.conjugate(qe), F)
+    last = g.shape[0] - 1
+    for a in range(3):
+        end_wrench[a] = -force * Fb[a]
+        end_wrench[3 + a] = -moment * g[last, a]
+        start_wrench[a] = force * (F[a] + f[a])
+        start_wrench[3 + a] = -moment * g[0, a]
+
+
+@njit(**OPTIONS)
+def end_stiffness(elastic, geometric, C, order, L, pivots, Y, S, F, qe, g):
+    """Derivative (6, 6) of the wrench of the end clamp on the cable, in the clamp's frame, by the clamp's motion.
+
+    Columns: translation along and rotation about the clamp's own axes. Needs the factors at the equilibrium itself.
+    """
+    n = 3 * g.shape[0]
+    out = np.empty((6, 6))
+    right = np.empty(n)
+    s = np.empty(n)
+    c, dF, theta = np.empty(3), np.empty(3), np.empty(3)
+    back = quaternion.conjugate(qe)
+    Fb = quaternion.rotate(back, F)
+    M = g[g.shape[0] - 1]
+    for k in range(6):
+        right[:] = 0.0
+        c[:] = 0.0
+        theta[:] = 0.0
+        if k < 3:
+            unit = np.zeros(3)
+            unit[k] = 1.0
+            c[:] = -quaternion.rotate(qe, unit)
+        else:
+            theta[k - 3] = 1.0
+            end_coupling(elastic, geometric, C, theta, right, c)
+        saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
+        moment = end_rows(elastic, geometric, C, s, dF)
+        for i in range(3):
+            for j in range(3):
+                row, at = n - 3 + max(i, j), elastic.shape[1] - 1 - abs(i - j)
+                moment[i] += (elastic[row, at] + geometric[row, at]) * theta[j]
+        # components along axes that turn with the clamp; the gradient's half turn is the chart's
+        turned = np.cross(theta, Fb)
+        half = np.cross(theta, M)
+        dFb = quaternion.rotate(back, dF)
+        for i in range(3):
+            out[i, k] = dFb[i] - turned[i]
+            out[3 + i, k] = moment[i] - 0.5 * half[i]
+    return out
 
 
 @njit(**OPTIONS)
 def margin(elastic, C, order, L, pivots, Y, S, mode, repeats):
     """Smallest eigenvalue of H v = lambda D v on the tangent space, D the elastic stiffness, by inverse iteration.
 
-    `mode` (3n,) is the start and receives the eigenvector. Only for a factored strict minimum.
+    `mode` (3n,) is the start and receives the eigenvector; ends when the value changes by less than 1e-4 of itself.
+    Only for a factored strict minimum.
     """
     n = mode.shape[0]
     x = np.empty(n)
     y = np.empty(n)
     zero = np.zeros(3)
     dF = np.empty(3)
-    value = 1.0
+    value = np.inf
     for _ in range(repeats):
         banded.multiply(elastic, mode, y)
         for i in range(n):
@@ -244,10 +310,12 @@ def margin(elastic, C, order, L, pivots, Y, S, mode, repeats):
         norm2 = 0.0
         for i in range(n):
             norm2 += x[i] * y[i]
-        value = top / norm2
+        before, value = value, top / norm2
         scale = 1.0 / np.sqrt(norm2)
         for i in range(n):
             mode[i] = scale * x[i]
+        if abs(before - value) <= 1e-4 * abs(value):
+            break
     return value
 
 
@@ -368,11 +436,11 @@ def error(
 
 
 @njit(**OPTIONS)
-def polyline(q, h, element, values, weights, quadrature, position, orientation, length, out_r, out_q):
+def polyline(q, h, element, values, weights, quadrature, start, length, out_r, out_q):
     """World points (m, 3) and frames (m, 4) x y z w at the arc lengths of `element`, `values`, `weights` (see Mesh).
 
     `quadrature` (g, order + 1): shape functions at the g points whose tangents `weights` (m, g) integrates from the
-    element's start; `position`, `orientation` (w x y z): the start clamp in the world; `length` in m.
+    element's start; `start` (7,): the start clamp in the world, position and quaternion x y z w; `length` in m.
     """
     order = values.shape[1] - 1
     points = quadrature.shape[0]
@@ -380,6 +448,8 @@ def polyline(q, h, element, values, weights, quadrature, position, orientation, 
     r0 = np.zeros(3)
     t = np.empty((points, 3))
     at = 0
+    orientation = np.empty(4)
+    orientation[0], orientation[1], orientation[2], orientation[3] = start[6], start[3], start[4], start[5]
     for e in range(h.shape[0]):
         first = e * order
         for k in range(points):
@@ -407,7 +477,7 @@ def polyline(q, h, element, values, weights, quadrature, position, orientation, 
             p = quaternion.rotate(orientation, p)
             o = quaternion.multiply(orientation, qs)
             for a in range(3):
-                out_r[at, a] = position[a] + length * p[a]
+                out_r[at, a] = start[a] + length * p[a]
                 out_q[at, a] = scale * o[a + 1]
             out_q[at, 3] = scale * o[0]
             at += 1

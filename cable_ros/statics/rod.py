@@ -13,6 +13,9 @@ from cable_ros.statics import compiled
 ORDER = 6
 """Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
 
+REFRESH = 0.03
+"""Factors, stability margin and error estimate are renewed when a section has turned this far, rad, since."""
+
 
 class Rod:
     """A Kirchhoff rod in units of the cable, in its start clamp's frame; see `mechanics.kernels`.
@@ -44,6 +47,7 @@ class Rod:
         self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
         self.shares = np.zeros(elements)
         self.mode = np.zeros(n)
+        self.drift = np.inf
         self._normal: tuple[np.ndarray, np.ndarray] | None = None
 
     def set_conditions(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> None:
@@ -71,6 +75,7 @@ class Rod:
         return float(self.totals[3]), self.totals[:3] - self.re, g
 
     def factor(self, mu: float) -> bool:
+        self.drift = 0.0
         return compiled.factor(self.elastic, self.geometric, self.C, mu, self.mesh.element.order,
                                self.A, self.L, self.pivots, self.Y, self.S)  # fmt: skip
 
@@ -117,29 +122,35 @@ class Rod:
 
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
-        tolerance: float, limit: float = 0.6, refresh: float = 0.012,
+        tolerance: float, limit: float = 0.6,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One warm-started solve, see `compiled.advance`; returns code, iterations and the new (q, F)."""
         q_new, F_new = np.empty_like(q), np.empty(3)
-        code, iterations = compiled.advance(
+        code, iterations, self.drift = compiled.advance(
             q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables,
             self.elastic, self.geometric, self.C, self.A, self.L, self.pivots, self.Y, self.S,
-            self.g, self.radial, self.totals, tolerance, limit, refresh, q_new, F_new,
+            self.g, self.radial, self.totals, tolerance, limit, self.drift, REFRESH, q_new, F_new,
         )  # fmt: skip
         if code == compiled.ADVANCED:
             self.set_conditions(qe, re, f)
         return code, iterations, q_new, F_new
 
-    def stability_margin(self, repeats: int) -> float:
+    def stability_margin(self) -> float:
         """Smallest eigenvalue of the energy's Hessian on the tangent space, relative to the elastic stiffness.
 
         The rod must be factored at a strict minimum; the eigenvector found last is the start of the next search.
         """
         if not self.mode.any():
             self.mode[3:-3] = np.random.default_rng(0).normal(size=len(self.mode) - 6)
-            repeats = max(repeats, 12)
         return compiled.margin(self.elastic, self.C, self.mesh.element.order, self.L, self.pivots,
-                               self.Y, self.S, self.mode, repeats)  # fmt: skip
+                               self.Y, self.S, self.mode, 50)  # fmt: skip
+
+    def end_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """Derivative (6, 6) of the clamp's wrench on the cable by the end clamp's motion; see `compiled.end_stiffness`."""
+        self.linearize(q, F)
+        self.factor(0.0)
+        return compiled.end_stiffness(self.elastic, self.geometric, self.C, self.mesh.element.order, self.L, self.pivots,
+                                      self.Y, self.S, F, self.qe, self.g)  # fmt: skip
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Estimated error (6,) of end force and end moment, in units of the cable; see `compiled.error`."""

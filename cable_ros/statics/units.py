@@ -35,7 +35,7 @@ def relative(poses, previous, weight, length, force):
     """Conditions in the start clamp's frame from the clamps' world `poses` (2, 7), x y z then quaternion x y z w.
 
     `weight` (3,): load per length in the world, N/m; `previous` (4,): the end frame before, whose sign is followed.
-    Returns the end frame (4,) scalar first, end position (3,), load (3,), and the start frame (4,) scalar first.
+    Returns the end frame (4,) scalar first, end position (3,) and load (3,).
     """
     a, b = np.empty(4), np.empty(4)
     a[0], a[1], a[2], a[3] = poses[0, 6], poses[0, 3], poses[0, 4], poses[0, 5]
@@ -46,4 +46,4 @@ def relative(poses, previous, weight, length, force):
         qe = -qe
     re = quaternion.rotate(inverse, poses[1, :3] - poses[0, :3]) / length
     f = quaternion.rotate(inverse, weight) * (length / force)
-    return qe, re, f, a
+    return qe, re, f

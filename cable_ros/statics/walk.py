@@ -50,9 +50,10 @@ class Walk:
 
 
 def walk(
-    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], tolerance: float, step: float = 0.25
-) -> Walk:
-    """Follow the branch of the factored equilibrium (q, F) along path(0..1) in steps of its own choice.
+    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], tolerance: float,
+    step: float = 0.25, longest: float = 1.0,
+) -> Walk:  # fmt: skip
+    """Follow the branch of the factored equilibrium (q, F) along path(0..1) in steps of its own choice, `longest` at most.
 
     A step is halved until the warm-started solve converges from it. Where even the smallest does not, the cable
     descends from there to the next stable equilibrium at fixed ends (`fall`).
@@ -69,7 +70,7 @@ def walk(
         if code == compiled.ADVANCED:
             at, q, F = target, q_new, F_new
             if count <= 3:
-                step *= 2.0
+                step = min(2.0 * step, longest)
             continue
         if np.linalg.norm(conditions.re) >= 1.0 and step < 0.02:
             return Walk(End.BEYOND_REACH, at, q, F, iterations, tuple(snaps))
