@@ -19,11 +19,17 @@ from cable_ros.baselines.result import BaselineResult, ClampedCable, continuous_
 
 
 def solve(
-    cable: ClampedCable, guess: BaselineResult, *, tolerance: float = 1e-6, max_nodes: int = 20000
+    cable: ClampedCable,
+    guess: BaselineResult,
+    *,
+    tolerance: float = 1e-6,
+    max_nodes: int = 20000,
+    jacobians: bool = True,
 ) -> BaselineResult:
     """Equilibrium near `guess`, on its mesh refined as `solve_bvp` finds necessary.
 
-    `tolerance` is solve_bvp's bound on the relative residual.
+    `tolerance` is solve_bvp's bound on the relative residual; without `jacobians` it differentiates
+    numerically.
     """
     problem = _Problem(cable, guess)
     solution = solve_bvp(
@@ -32,8 +38,8 @@ def solve(
         problem.mesh,
         problem.states,
         p=problem.end_force,
-        fun_jac=problem.rates_jacobian,
-        bc_jac=problem.boundary_jacobian,
+        fun_jac=problem.rates_jacobian if jacobians else None,
+        bc_jac=problem.boundary_jacobian if jacobians else None,
         tol=tolerance,
         max_nodes=max_nodes,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -52,10 +52,22 @@ class BaselineResult:
         """How many nodes the result stands on."""
         return len(self.arc_length)
 
-    def orientations_at(self, arc_length: np.ndarray) -> np.ndarray:
-        """(m, 4) section quaternions at the given arc lengths by spherical interpolation."""
-        return continuous_sign(
-            Slerp(self.arc_length, Rotation.from_quat(self.orientations))(arc_length).as_quat()
+    def at(self, arc_length: np.ndarray) -> BaselineResult:
+        """The same on another grid of arc lengths: linear between nodes, spherical for the sections."""
+
+        def linear(values: np.ndarray) -> np.ndarray:
+            columns = [np.interp(arc_length, self.arc_length, column) for column in values.T]
+            return np.stack(columns, axis=1)
+
+        sections = Slerp(self.arc_length, Rotation.from_quat(self.orientations))(arc_length).as_quat()
+        first = sections[0] if sections[0] @ self.orientations[0] > 0 else -sections[0]
+        return replace(
+            self,
+            arc_length=arc_length,
+            points=linear(self.points),
+            orientations=continuous_sign(np.vstack([first, sections[1:]])),
+            force=linear(self.force),
+            moment=linear(self.moment),
         )
 
 
