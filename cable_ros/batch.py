@@ -59,8 +59,9 @@ class Batch:
     """(m, c) relative error of the end wrench."""
     iterations: np.ndarray
     """(m, c) int."""
-    stiffness: np.ndarray
-    """(m, c, 6, 6) derivative of the end wrench by a small motion of the end clamp, in its frame."""
+    stiffness: np.ndarray | None = None
+    """(m, c, 6, 6) derivative of the end wrench by a small motion of the end clamp, in its frame; None unless
+    it was asked for."""
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -78,6 +79,7 @@ def solve_many(
     tolerance: float = 1e-4,
     polyline_points: int = 2,
     workers: int = 1,
+    stiffness: bool = False,
 ) -> Batch:
     """Equilibria along a path of poses.
 
@@ -92,12 +94,16 @@ def solve_many(
         polyline_points: points of each centreline, at least 2.
         workers: processes; 1 stays in this one. More need the caller's script to be importable
             (`if __name__ == "__main__":`), as everywhere in multiprocessing.
+        stiffness: whether `Batch.stiffness` is wanted, which takes several times as long as the equilibrium.
 
     Raises:
         ValueError: `joints` is empty or has not one column for each joint.
     """
     return concatenate(
-        [batch for _, batch in solve_paths([(scene, [joints])], tolerance, polyline_points, workers)]
+        [
+            batch
+            for _, batch in solve_paths([(scene, [joints])], tolerance, polyline_points, workers, stiffness)
+        ]
     )
 
 
@@ -106,6 +112,7 @@ def solve_paths(
     tolerance: float = 1e-4,
     polyline_points: int = 2,
     workers: int = 1,
+    stiffness: bool = False,
 ) -> Iterator[tuple[int, Batch]]:
     """Several paths in each of several scenes: chunk after chunk, in order, each as soon as it is there.
 
@@ -118,7 +125,7 @@ def solve_paths(
     pending: deque[tuple[int, Future[Batch]]] = deque()
     with _pool(workers) as submit:
         for index, (scene, paths) in enumerate(jobs):
-            for chunk in _chunks(_Job(next(_numbers), scene, tolerance, polyline_points), paths):
+            for chunk in _chunks(_Job(next(_numbers), scene, tolerance, polyline_points, stiffness), paths):
                 pending.append((index, submit(_solve_chunk, *chunk)))
                 while len(pending) > 4 * workers:  # enough to keep every process busy
                     done, batch = pending.popleft()
@@ -148,13 +155,12 @@ def concatenate(batches: Sequence[Batch]) -> Batch:
     first = batches[0]
     if len(batches) == 1:
         return first
-    arrays = {
-        name: np.concatenate([getattr(batch, name) for batch in batches]) for name in ("joints", *_PER_CABLE)
-    }
+    names = ["joints", *_PER_CABLE, *(["stiffness"] if first.stiffness is not None else [])]
+    arrays = {name: np.concatenate([getattr(batch, name) for batch in batches]) for name in names}
     return Batch(first.cables, first.joint_names, **arrays)
 
 
-_PER_CABLE = tuple(field.name for field in fields(Batch))[3:]
+_PER_CABLE = tuple(field.name for field in fields(Batch))[3:-1]
 _numbers = itertools.count()
 
 
@@ -164,6 +170,7 @@ class _Job:
     scene: Scene
     tolerance: float
     polyline_points: int
+    stiffness: bool
 
 
 _latest: tuple[int, Tracker] | None = None  # the tracker of the job that this process worked at last
@@ -180,7 +187,7 @@ def _solve_chunk(job: _Job, state: Any, poses: np.ndarray) -> Batch:
     cables = tuple(cable.name for cable in job.scene.cables)
     arrays = {
         name: np.array([[getattr(row[cable], name) for cable in cables] for row in rows])
-        for name in _PER_CABLE
+        for name in (*_PER_CABLE, *(["stiffness"] if job.stiffness else []))
     }
     batch = Batch(cables, names, poses, **arrays)
     refused = ~batch.trusted

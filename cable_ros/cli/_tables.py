@@ -27,16 +27,24 @@ class Table(Protocol):
 
 @contextmanager
 def open_table(path: Path, scene: Scene) -> Iterator[Table]:
-    """A table at `path`, of the kind its suffix names; the file appears when it is complete.
+    """A table or log at `path`, of the kind its suffix names; the file appears when it is complete.
 
     Raises:
         CommandError: the suffix is not known.
+        LogError: a log of that name exists.
     """
-    kinds: dict[str, Any] = {".csv": CsvTable, ".parquet": ParquetTable}
-    if path.suffix not in kinds:
-        raise CommandError(f"--out {path}: the name must end in .csv, .parquet or .mcap")
-    unfinished = path.with_name(path.name + ".part")
     path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".mcap":
+        from cable_ros.ros.batch_log import BatchLog
+
+        log = BatchLog(path, scene)
+        try:
+            yield log
+        finally:
+            log.close()
+        return
+    kinds: dict[str, Any] = {".csv": CsvTable, ".parquet": ParquetTable}
+    unfinished = path.with_name(path.name + ".part")
     try:
         table = kinds[path.suffix](unfinished)
         try:
@@ -46,6 +54,14 @@ def open_table(path: Path, scene: Scene) -> Iterator[Table]:
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def check_suffix(path: Path, varied: bool) -> None:
+    """Raise CommandError unless the suffix names a kind of file that can hold what is asked for."""
+    if path.suffix not in (".csv", ".parquet", ".mcap"):
+        raise CommandError(f"--out {path}: the name must end in .csv, .parquet or .mcap")
+    if path.suffix == ".mcap" and varied:
+        raise CommandError("a log holds one scene; write variations to a .csv or .parquet file")
 
 
 def columns(variant: Mapping[str, float], batch: Batch) -> dict[str, np.ndarray]:

@@ -15,7 +15,13 @@ import cable_ros.cli
 
 INTERRUPTED = 130  # 128 + SIGINT, and the like for SIGPIPE: what a shell reports for a program they end
 BROKEN_PIPE = 141
-EXTRAS = {"matplotlib": "plot", "pyarrow": "parquet", "pinocchio": "robot", "rclpy": "ros"}
+EXTRAS = {
+    "matplotlib": "plot",
+    "pyarrow": "parquet",
+    "rclpy": "ros",
+    "sensor_msgs": "ros",
+    "geometry_msgs": "ros",
+}
 """The extra of our package that brings what a command may miss."""
 
 

@@ -63,7 +63,9 @@ def draw(log: Path, out: Path) -> list[Path]:
         wrenches[cable] = abscissa_values(history, name, whole.times), whole.values
     pictures = []
     if shapes := list(chosen_shapes(log, history, name, abscissa)):
-        figure = shapes_figure(shapes, f"Shape of {', '.join(history.polyline_times)}", name or "")
+        figure = shapes_figure(
+            shapes, f"Shape of {', '.join(history.polyline_times)}, world axes", name or ""
+        )
         pictures.append(save(figure, out / f"{log.stem}_shapes.png"))
     pictures.append(save(wrench_figure(abscissa, wrenches), out / f"{log.stem}_end_wrench.png"))
     return pictures

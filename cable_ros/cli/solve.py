@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import enum
 import json
 import math
@@ -100,7 +99,7 @@ def engineering(value: float, unit: str) -> str:
 
 def as_json(found: Equilibrium) -> dict[str, Any]:
     """The fields by name; arrays as lists, the status by its name, NaN and infinity as null."""
-    return {field.name: _plain(getattr(found, field.name)) for field in dataclasses.fields(found)}
+    return {name: _plain(value) for name, value in found.as_dict().items()}
 
 
 def _plain(value: Any) -> Any:

@@ -30,7 +30,7 @@ cable, or CABLE.FIELD for one; every cable then starts near the total twist of t
 the scene or --vary gives it. Rows that are not to be trusted hold their status and no numbers.
 The result does not depend on the number of processes."""
 
-POSES_PER_PROCESS = 4000  # fewer are solved before another process has started
+POSES_PER_PROCESS = 10_000  # fewer are solved before another process has started
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -69,9 +69,10 @@ def run(args: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from cable_ros.batch import solve_paths
-    from cable_ros.cli._tables import open_table
+    from cable_ros.cli._tables import check_suffix, open_table
     from cable_ros.scene import Kinematics, load_scene, vary
 
+    check_suffix(args.out, bool(args.vary))
     scene = load_scene(args.scene)
     names = [name for name, _ in args.vary]
     variants = [
