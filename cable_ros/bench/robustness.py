@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +125,7 @@ class Tally:
                 self.reported.append((outcome.case, where + step.equilibrium.message))
             if step.seconds > SLOW:
                 self.wrong.append((outcome.case, f"{where}took {step.seconds:.1f} s"))
-        for before, after in zip(outcome.steps, outcome.steps[1:], strict=False):
+        for before, after in pairwise(outcome.steps):
             if _hidden_jump(before, after):
                 self.wrong.append((outcome.case, "the shape jumped without a report of a snap"))
         if not outcome.passed and not any(case is outcome.case for case, _ in self.wrong + self.reported):
@@ -152,8 +153,8 @@ class Tally:
             + ", ".join(f"{status.name} {count}" for status, count in self.statuses.most_common()),
             f"  wrench error            median {np.median(errors or [np.nan]):.1e}, "
             f"largest {max(errors, default=np.nan):.1e}",
-            f"  time                    median {np.median(times):.2f} ms, 99 % {np.quantile(times, 0.99):.2f} ms, "
-            f"most {times.max():.1f} ms",
+            f"  time                    median {np.median(times):.2f} ms, "
+            f"99 % {np.quantile(times, 0.99):.2f} ms, most {times.max():.1f} ms",
             f"  iterations              median {np.median(iterations):.0f}, most {iterations.max()}",
             *self._by("gravity number", [s.rod.gravity_number for s in self.answers], GRAVITY_EDGES),
             *self._by("chord / length", [_chord(s) for s in self.answers], CHORD_EDGES),

@@ -328,7 +328,7 @@ def _no_conjugate_point(maps: np.ndarray) -> bool:
         basis = basis * np.sign(np.diag(upper))
         pose = basis[:6] / np.maximum(np.linalg.norm(basis[:6], axis=1, keepdims=True), 1e-300)
         sigma = np.linalg.svd(pose, compute_uv=False)
-        if sigma[-1] > 1e-10 * sigma[0] and np.linalg.det(pose) < 0.0:
+        if sigma[-1] > 1e-9 * sigma[0] and np.linalg.det(pose) < 0.0:
             return False
     return True
 

@@ -1,0 +1,278 @@
+"""Work against precision: what each digit of the end wrench costs, for our solver and for the baselines.
+
+The error of a wrench is the larger of |difference| / |reference| of its force and of its moment. References come
+from `solve_bvp` at a tolerance of 1e-10, started at our tightest solution so that they are on its branch; how far
+the two agree is reported. Times are medians over poses, methods taking turns in blocks of consecutive poses, so that
+a slow spell of the machine hits all of them.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from cable_ros.baselines import bvp
+from cable_ros.baselines.result import BaselineResult, ClampedCable, from_equilibrium, relative_wrench_error
+from cable_ros.bench.methods import Method, OurTracker, Outcome, Pose, Published, SolveBvp
+from cable_ros.scene import Kinematics, Scene, SceneError, load_scene
+from cable_ros.tracker import Tracker
+
+BLOCK = 10
+"""Consecutive poses that one method solves before the next has its turn."""
+TIGHTEST = 1e-11
+"""Tolerance of the tracker that leads the references along the branch."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is measured."""
+
+    tolerances: tuple[float, ...]
+    bvp_tolerances: tuple[float, ...]
+    parts: tuple[int, ...]
+    poses: int
+    """Most poses of the warm path."""
+    references: int
+    """How many of them have their error measured, and most cold starts."""
+    gravity_numbers: tuple[float, ...]
+    cables: tuple[int, ...]
+
+
+FULL = Size(
+    tolerances=tuple(10.0**-k for k in range(1, 11)),
+    bvp_tolerances=(1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8),
+    parts=(10, 20, 40, 80, 160, 320, 640, 1280, 2560),
+    poses=361,
+    references=19,
+    gravity_numbers=(0.0, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5),
+    cables=(1, 2, 4, 8),
+)
+QUICK = Size(
+    tolerances=(1e-2, 1e-4, 1e-6, 1e-8),
+    bvp_tolerances=(1e-2, 1e-4, 1e-6),
+    parts=(20, 80, 320),
+    poses=41,
+    references=5,
+    gravity_numbers=(0.0, 100.0, 1e4),
+    cables=(1, 4),
+)
+STEPS = (1 / 900, 1 / 360, 1 / 90, 1 / 36, 1 / 12, 1 / 4, 1 / 2)
+"""Joint steps as parts of the whole path: 0.2 to 90 deg of 180 deg."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table."""
+
+    panel: str
+    """warm, cold, effect, gravity, step or cables."""
+    method: str
+    setting: str
+    value: float
+    """The setting or the varied quantity as a number."""
+    seconds: float
+    """Median time per equilibrium."""
+    seconds_90: float
+    """Nine of ten are faster."""
+    error: float
+    """Largest relative end-wrench error of the poses that have a reference."""
+    error_median: float
+    poses: int
+    failed: int
+    """Poses that the method itself calls failed; they count in the times, not in the errors."""
+
+
+class Bench:
+    """Measures one scene along one path of its joints; rows come as they are done.
+
+    Args:
+        scene: the scene.
+        path: (m, n_joints) joint values in the order of `Tracker.joint_names`, in small steps.
+        size: how much to measure.
+        tick: called with a few words after every solve or block of solves.
+    """
+
+    def __init__(self, scene: Scene, path: np.ndarray, size: Size, tick: Callable[[str], None]) -> None:
+        self.scene, self.size, self.tick = scene, size, tick
+        self.whole = path
+        self.path = path[: size.poses]
+        self.agreement = 0.0
+        """Largest difference between a reference and the tightest tracker."""
+
+    def rows(self) -> Iterator[Row]:
+        """All panels."""
+        yield from self.precision()
+        for panel in (self.effects, self.gravity, self.steps, self.cables):
+            yield from panel()
+
+    def precision(self) -> Iterator[Row]:
+        """The work-precision rows, warm and cold."""
+        poses = self._poses(self.scene, self.path, self.size.references)
+        size = self.size
+        ours = [OurTracker(self.scene, tolerance) for tolerance in size.tolerances]
+        theirs = [SolveBvp(tolerance) for tolerance in size.bvp_tolerances]
+        methods: list[Method] = [*ours, *theirs, *(Published(parts) for parts in size.parts)]
+        yield from self._warm("warm", methods, poses)
+        coarse = [parts for parts in size.parts if parts <= 640]  # from ones, finer grids take minutes
+        methods = [*ours, *theirs]
+        methods += [Published(parts, from_ones) for from_ones in (False, True) for parts in coarse]
+        yield from self._cold(methods, [pose for pose in poses if pose.reference is not None])
+
+    def effects(self) -> Iterator[Row]:
+        """The default tolerance with each effect that the scene's schema knows switched on."""
+        for label, scene in effect_variants(self.scene):
+            yield from self._ours("effect", label, 0.0, scene, self.path)
+
+    def gravity(self) -> Iterator[Row]:
+        """The default tolerance under ever more weight, w L^3 / EI of the first cable."""
+        cable = self.scene.cables[0]
+        size = float(np.linalg.norm(self.scene.gravity))
+        direction = self.scene.gravity / size if size > 0 else np.array([0.0, 0.0, -1.0])
+        per_gravity = cable.linear_density * cable.length**3 / float(np.min(cable.stiffness[:2]))
+        for number in self.size.gravity_numbers:
+            if per_gravity > 0:
+                gravity = number / per_gravity * direction
+                scene = _edited(self.scene, {"gravity": gravity.tolist()})
+                yield from self._ours("gravity", f"w L^3/EI = {number:g}", number, scene, self.path, SolveBvp(1e-3))
+
+    def steps(self) -> Iterator[Row]:
+        """The default tolerance at ever larger joint steps, to and fro between the ends of the path."""
+        ends = self.whole[0], self.whole[-1]
+        reach = float(np.max(np.abs(ends[1] - ends[0]), initial=0.0))
+        for part in STEPS:
+            count = min(self.size.poses, 120)
+            fraction = 1 - np.abs(1 - np.mod(part * np.arange(count), 2))  # a triangle wave from 0 to 1
+            path = ends[0] + fraction[:, None] * (ends[1] - ends[0])
+            label = f"{math.degrees(part * reach):.3g} deg"
+            yield from self._ours("step", label, part * reach, self.scene, path)
+
+    def cables(self) -> Iterator[Row]:
+        """The default tolerance with the first cable mounted several times."""
+        for count in self.size.cables:
+            values = yaml.safe_load(self.scene.text)
+            copies = [{**values["cables"][0], "name": f"cable{i}"} for i in range(count)]
+            scene = _edited(self.scene, {"cables": copies})
+            yield from self._ours("cables", f"{count} cables", count, scene, self.path)
+
+    def _ours(
+        self, panel: str, label: str, value: float, scene: Scene, path: np.ndarray, *others: Method
+    ) -> Iterator[Row]:
+        poses = self._poses(scene, path, 5)
+        for row in self._warm(panel, [OurTracker(scene, 1e-4), *others], poses):
+            yield Row(**{**row.__dict__, "setting": label, "value": value})
+
+    def _poses(self, scene: Scene, path: np.ndarray, references: int) -> list[Pose]:
+        """The poses of a path; the first, the last and some between with their references."""
+        kinematics = Kinematics(scene)
+        names = kinematics.joint_names
+        with_reference = set(np.linspace(0, len(path) - 1, min(references, len(path))).round().astype(int).tolist())
+        leader = Tracker(scene, TIGHTEST, 201)
+        poses = []
+        for i, values in enumerate(path):
+            joints = dict(zip(names, values.tolist(), strict=True))
+            clamps = kinematics.poses(values)
+            cables = tuple(
+                ClampedCable(cable.length, cable.stiffness, cable.linear_density * scene.gravity, *clamp)
+                for cable, clamp in zip(scene.cables, clamps, strict=True)
+            )
+            equilibria = leader.solve(joints)
+            reference = None
+            if i in with_reference and all(e.status.trusted for e in equilibria.values()):
+                starts = [from_equilibrium(e, c) for e, c in zip(equilibria.values(), cables, strict=True)]
+                reference = tuple(self._reference(c, start) for c, start in zip(cables, starts, strict=True))
+            poses.append(Pose(joints, cables, reference))
+            self.tick("references")
+        return poses
+
+    def _reference(self, cable: ClampedCable, start: BaselineResult) -> BaselineResult:
+        refined = bvp.solve(cable, start, tolerance=1e-10, max_nodes=30000)
+        if not refined.converged:  # a very heavy cable: the tightest tracker must do
+            return start
+        self.agreement = max(self.agreement, relative_wrench_error(start.end_wrench, refined.end_wrench))
+        return refined
+
+    def _warm(self, panel: str, methods: Sequence[Method], poses: Sequence[Pose]) -> Iterator[Row]:
+        outcomes: list[list[Outcome]] = [[] for _ in methods]
+        if poses[0].reference is None:
+            return
+        for method in methods:
+            method.settle(poses[0])
+        for begin in range(0, len(poses), BLOCK):
+            for method, done in zip(methods, outcomes, strict=True):
+                done += [method.warm(pose) for pose in poses[begin : begin + BLOCK]]
+                self.tick(panel)
+        for method, done in zip(methods, outcomes, strict=True):
+            yield _row(panel, method, poses, done)
+
+    def _cold(self, methods: Sequence[Method], poses: Sequence[Pose]) -> Iterator[Row]:
+        outcomes: list[list[Outcome]] = [[] for _ in methods]
+        for pose in poses:
+            for method, done in zip(methods, outcomes, strict=True):
+                done.append(method.cold(pose))
+                self.tick("cold")
+        for method, done in zip(methods, outcomes, strict=True):
+            yield _row("cold", method, poses, done)
+
+
+def effect_variants(scene: Scene) -> Iterator[tuple[str, Scene]]:
+    """The scene with one effect after another switched on; what the scene's schema does not know is left out."""
+    for label, changes in EFFECTS:
+        try:
+            yield label, _edited(scene, changes)
+        except SceneError:
+            continue
+
+
+EFFECTS: tuple[tuple[str, Mapping[str, object]], ...] = (
+    ("no weight", {"gravity": [0.0, 0.0, 0.0]}),
+    ("weight", {}),
+)
+"""What is changed in the scene to switch an effect on."""
+
+
+def write_csv(path: Path, rows: Sequence[Row], facts: Mapping[str, str]) -> None:
+    """The table, after lines `# name: fact` on the machine."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        for name, fact in facts.items():
+            file.write(f"# {name}: {fact}\n")
+        writer = csv.writer(file, lineterminator="\n")
+        names = [field.name for field in fields(Row)]
+        writer.writerow(names)
+        for row in rows:
+            values = (getattr(row, name) for name in names)
+            writer.writerow(f"{value:.4g}" if isinstance(value, float) else value for value in values)
+
+
+def _row(panel: str, method: Method, poses: Sequence[Pose], outcomes: Sequence[Outcome]) -> Row:
+    errors = [
+        relative_wrench_error(wrench, reference.end_wrench)
+        for pose, outcome in zip(poses, outcomes, strict=True)
+        if pose.reference is not None
+        for wrench, reference in zip(outcome.wrenches, pose.reference, strict=True)
+        if np.all(np.isfinite(wrench))
+    ]
+    seconds = [outcome.seconds for outcome in outcomes]
+    return Row(
+        panel=panel,
+        method=method.name,
+        setting=f"n = {method.setting}" if isinstance(method.setting, int) else f"{method.setting:.0e}",
+        value=float(method.setting),
+        seconds=float(np.median(seconds)),
+        seconds_90=float(np.quantile(seconds, 0.9)),
+        error=max(errors, default=math.nan),
+        error_median=float(np.median(errors)) if errors else math.nan,
+        poses=len(outcomes),
+        failed=sum(not np.all(np.isfinite(outcome.wrenches)) for outcome in outcomes),
+    )
+
+
+def _edited(scene: Scene, changes: Mapping[str, object]) -> Scene:
+    values = {**yaml.safe_load(scene.text), **changes}
+    return load_scene(values, urdf=scene.robot.urdf if scene.robot else None)
