@@ -181,9 +181,9 @@ class Follower:
 def _tangent(
     rod: Rod, qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray, unit: Units
 ) -> np.ndarray:
-    """`Equilibrium.stiffness` in SI, from a copy of the rod: the tracker's own may have moved on."""
+    """`Equilibrium.clamp_stiffness`, from a copy of the rod: the tracker's own may have moved on."""
     copy = Rod(rod.mesh, rod.K, rod.natural)
     copy.set_conditions(qe, re, f)
-    scale_wrench = np.repeat([unit.force, unit.moment], 3)
-    scale_motion = np.repeat([unit.length, 1.0], 3)
-    return -copy.end_stiffness(q, F) * scale_wrench[:, None] / scale_motion[None, :]
+    scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2)
+    scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2)
+    return -copy.clamp_stiffness(q, F) * scale_wrench[:, None] / scale_motion[None, :]

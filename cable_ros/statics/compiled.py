@@ -245,47 +245,6 @@ def wrenches(F, f, qe, g, force, moment, end_wrench, start_wrench):
 
 
 @njit(**OPTIONS)
-def end_stiffness(elastic, geometric, C, order, L, pivots, Y, S, F, qe, g):
-    """Derivative (6, 6) of the wrench of the end clamp on the cable, in the clamp's frame, by the clamp's motion.
-
-    Columns: translation along and rotation about the clamp's own axes. Needs the factors at the equilibrium itself.
-    """
-    n = 3 * g.shape[0]
-    out = np.empty((6, 6))
-    right = np.empty(n)
-    s = np.empty(n)
-    c, dF, theta = np.empty(3), np.empty(3), np.empty(3)
-    back = quaternion.conjugate(qe)
-    Fb = quaternion.rotate(back, F)
-    M = g[g.shape[0] - 1]
-    for k in range(6):
-        right[:] = 0.0
-        c[:] = 0.0
-        theta[:] = 0.0
-        if k < 3:
-            unit = np.zeros(3)
-            unit[k] = 1.0
-            c[:] = -quaternion.rotate(qe, unit)
-        else:
-            theta[k - 3] = 1.0
-            end_coupling(elastic, geometric, C, theta, right, c)
-        saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
-        moment = end_rows(elastic, geometric, C, s, dF)
-        for i in range(3):
-            for j in range(3):
-                row, at = n - 3 + max(i, j), elastic.shape[1] - 1 - abs(i - j)
-                moment[i] += (elastic[row, at] + geometric[row, at]) * theta[j]
-        # components along axes that turn with the clamp; the gradient's half turn is the chart's
-        turned = np.cross(theta, Fb)
-        half = np.cross(theta, M)
-        dFb = quaternion.rotate(back, dF)
-        for i in range(3):
-            out[i, k] = dFb[i] - turned[i]
-            out[3 + i, k] = moment[i] - 0.5 * half[i]
-    return out
-
-
-@njit(**OPTIONS)
 def margin(elastic, C, order, L, pivots, Y, S, mode, repeats):
     """Smallest eigenvalue of H v = lambda D v on the tangent space, D the elastic stiffness, by inverse iteration.
 

@@ -9,6 +9,7 @@ from cable_ros.mechanics.elements import Mesh, bubble, reference_element
 from cable_ros.mechanics.kernels import gradient, hessian
 from cable_ros.solve import banded
 from cable_ros.statics import compiled
+from cable_ros.statics.response import clamp_response
 
 ORDER = 6
 """Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
@@ -145,12 +146,12 @@ class Rod:
         return compiled.margin(self.elastic, self.C, self.mesh.element.order, self.L, self.pivots,
                                self.Y, self.S, self.mode, 50)  # fmt: skip
 
-    def end_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Derivative (6, 6) of the clamp's wrench on the cable by the end clamp's motion; see `compiled.end_stiffness`."""
+    def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """Derivative (12, 12) of the clamps' wrenches on the cable by their motions; see `response.clamp_response`."""
         self.linearize(q, F)
         self.factor(0.0)
-        return compiled.end_stiffness(self.elastic, self.geometric, self.C, self.mesh.element.order, self.L, self.pivots,
-                                      self.Y, self.S, F, self.qe, self.g)  # fmt: skip
+        return clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic, self.geometric,
+                              self.C, self.mesh.element.order, self.L, self.pivots, self.Y, self.S, self.g)  # fmt: skip
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Estimated error (6,) of end force and end moment, in units of the cable; see `compiled.error`."""
