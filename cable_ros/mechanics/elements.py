@@ -74,6 +74,18 @@ def reference_element(order: int, quadrature: int = 0) -> ReferenceElement:
     return ReferenceElement(order, nodes, points, 0.5 * weights, values, slopes)
 
 
+@lru_cache(maxsize=None)
+def enrichment(order: int) -> tuple[ReferenceElement, np.ndarray]:
+    """What the error estimate of an element needs: it with two more Gauss points, and one order more.
+
+    The polynomial (2, g) of order + 1 that vanishes at all nodes, its values and slopes at those points.
+    """
+    fine = reference_element(order, order + 2)
+    roots = np.polynomial.Polynomial.fromroots(fine.nodes)
+    scale = 1.0 / np.max(np.abs(roots.deriv()(np.linspace(0.0, 1.0, 101))))
+    return fine, scale * np.array([roots(fine.points), roots.deriv()(fine.points)])
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Elements of one order along the rod; lengths in units of the rod's."""
@@ -134,10 +146,3 @@ def sampling(mesh: Mesh, count: int) -> Sampling:
     inner, _ = lagrange(points, np.outer(place, points).ravel())
     integrals = place[:, None] * np.einsum("g,mgk->mk", weights, inner.reshape(count, len(points), -1))
     return Sampling(element.astype(np.int64), values, np.vstack([integrals, weights]), quadrature)
-
-
-def bubble(order: int, points: np.ndarray) -> np.ndarray:
-    """Values and slopes (2, m) at `points` of the polynomial of order + 1 that vanishes at all nodes."""
-    roots = np.polynomial.Polynomial.fromroots(lobatto_nodes(order))
-    scale = 1.0 / np.max(np.abs(roots.deriv()(np.linspace(0.0, 1.0, 101))))
-    return scale * np.array([roots(points), roots.deriv()(points)])

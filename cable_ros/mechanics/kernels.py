@@ -107,16 +107,17 @@ def tangent_derivative(q, t, weight, D, C, first, count):
 
 
 @njit(**OPTIONS)
-def gradient(q, F, f, K, kappa0, h, s0, N, dN, points, weights, g, radial, totals):
+def gradient(q, F, f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, totals):
     """Gradient g (n, 3) of the Lagrangian at the nodes and, in `totals`, end position (3), energy, twist.
 
+    `F` (elements, 3): the constant part of the internal force, the end force plus the point forces on later elements.
+    `acc` (n, 4) comes with what else pulls at the nodal quaternions, zero without, and is used up.
     `radial` (n,) receives a quarter of the derivative along each nodal quaternion itself, the curvature of the
     unit sphere that the Hessian needs. Energy is that of the free cable: elastic minus weight.
     """
     order = N.shape[1] - 1
     kappa, moment, t, G = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     qs, ds, gq, gd = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    acc = np.zeros((q.shape[0], 4))
     totals[:] = 0.0
     for e in range(h.shape[0]):
         first = e * order
@@ -132,7 +133,7 @@ def gradient(q, F, f, K, kappa0, h, s0, N, dN, points, weights, g, radial, total
                     ds[a] += d * q[first + i, a]
             rest = 1.0 - s0[e] - h[e] * points[k]
             for a in range(3):
-                G[a] = F[a] + rest * f[a]
+                G[a] = F[e, a] + rest * f[a]
             section(qs, ds, K, kappa0, G, kappa, moment, t, gq, gd)
             wh = weights[k] * h[e]
             for a in range(3):
@@ -154,11 +155,12 @@ def gradient(q, F, f, K, kappa0, h, s0, N, dN, points, weights, g, radial, total
 
 
 @njit(**OPTIONS)
-def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, elastic, geometric, C):
+def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, elastic, geometric, parts, C):
     """Hessian of the Lagrangian in lower band storage, in two parts, and the end position's derivative.
 
     `elastic` and `geometric` (3n, b + 1) hold row i, column j at [i, b + j - i], b = 3 (order + 1) - 1; the
-    Hessian is their sum. `C` (3, 3n) is the derivative of the end position. `radial` is `gradient`'s.
+    Hessian is their sum. `parts` (elements, 3, 3 (order + 1)) is the derivative of the way that each element goes,
+    `C` (3, 3n) that of the end position, their sum. `F` and `radial` are `gradient`'s.
     """
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
@@ -176,6 +178,7 @@ def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, 
     k8 = np.empty((3, 8))
     elastic[:] = 0.0
     geometric[:] = 0.0
+    parts[:] = 0.0
     C[:] = 0.0
     for e in range(h.shape[0]):
         first = e * order
@@ -204,7 +207,7 @@ def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, 
                     D[4 + a, j] = ih * dN3[k, j] * frame[a, j]
             rest = 1.0 - s0[e] - h[e] * points[k]
             for a in range(3):
-                G[a] = F[a] + rest * f[a]
+                G[a] = F[e, a] + rest * f[a]
             n, T, mk = section(qs, ds, K, kappa0, G, kappa, moment, t, gq, gd)
             wh = weights[k] * h[e]
             second(qs, ds, K, G, kappa, moment, gq, gd, n, T, mk, wh, k8, H)
@@ -234,13 +237,15 @@ def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, 
                         (b0 * Y[0, j] + b1 * Y[1, j] + b2 * Y[2, j] + b3 * Y[3, j])
                         + (b4 * Y[4, j] + b5 * Y[5, j] + b6 * Y[6, j] + b7 * Y[7, j])
                     )
-            tangent_derivative(qs, t, 2.0 * wh / n, D, C, 3 * first, nd)
+            tangent_derivative(qs, t, 2.0 * wh / n, D, parts[e], 0, nd)
         for i in range(nd):
             row = 3 * first + i
             shift = band - i
             for j in range(i + 1):
                 elastic[row, shift + j] += E[i, j]
                 geometric[row, shift + j] += S[i, j]
+            for a in range(3):
+                C[a, row] += parts[e, a, i]
     for i in range(q.shape[0]):
         for c in range(3):
             geometric[3 * i + c, band] -= radial[i]

@@ -143,7 +143,7 @@ def end_rows(elastic, geometric, C, s, dF):
 @njit(**OPTIONS)
 def advance(
     q, F, qe, re, f, K, kappa0, h, s0, tables,
-    elastic, geometric, C, A, L, pivots, Y, S, g, radial, totals,
+    elastic, geometric, parts, C, A, L, pivots, Y, S, acc, g, radial, totals,
     tolerance, limit, drift, refresh, q_new, F_new,
 ):  # fmt: skip
     """From the equilibrium (q, F) to the one whose end is at (qe, re) under the load f, with the factors at hand.
@@ -163,7 +163,8 @@ def advance(
     c = np.empty(3)
     last = q.shape[0] - 1
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
-    gradient(q, F, f, K, kappa0, h, s0, N, dN, points, weights, g, radial, totals)
+    acc[:] = 0.0
+    gradient(q, spread(F, h), f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, totals)
     for a in range(3):
         c[a] = totals[a] - re[a]
     end_coupling(elastic, geometric, C, theta, gv, c)
@@ -182,12 +183,14 @@ def advance(
     fresh = False
     iterations = 0
     for iteration in range(1, 13):
-        gradient(q_new, F_new, f, K, kappa0, h, s0, N, dN, points, weights, g, radial, totals)
+        acc[:] = 0.0
+        Fe = spread(F_new, h)
+        gradient(q_new, Fe, f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, totals)
         if iteration > 1 and size * rate <= tolerance:
             return ADVANCED, iterations, drift
         iterations = iteration
         if (iteration == 1 and (drift > refresh or moved > 0.5 * refresh)) or rate > 0.15:
-            hessian(q_new, F_new, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, elastic, geometric, C)
+            hessian(q_new, Fe, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, elastic, geometric, parts, C)
             if not factor(elastic, geometric, C, 0.0, order, A, L, pivots, Y, S):
                 return NOT_CONVEX, iteration, drift
             fresh, drift = True, 0.0
@@ -208,6 +211,15 @@ def advance(
             return NOT_CONTRACTING, iteration, drift
         size = new
     return NOT_CONTRACTING, iterations, drift
+
+
+@njit(**OPTIONS)
+def spread(F, h):
+    """The same force F (3,) for every element: (elements, 3)."""
+    out = np.empty((h.shape[0], 3))
+    for e in range(h.shape[0]):
+        out[e, 0], out[e, 1], out[e, 2] = F[0], F[1], F[2]
+    return out
 
 
 @njit(**OPTIONS)

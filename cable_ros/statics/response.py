@@ -43,7 +43,8 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
             end_coupling(elastic, geometric, C, theta, right, c)
         else:
             # the gradient is linear in the load: that of a cable without stiffness and end force is its derivative
-            gradient(q, nothing, unit, nothing, nothing, h, s0, N, dN, points, weights, load, radial, totals)
+            pull = np.zeros((nodes, 4))
+            gradient(q, np.zeros((h.shape[0], 3)), unit, nothing, nothing, h, s0, N, dN, points, weights, pull, load, radial, totals)
             right[:] = load.ravel()
         saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
         moment = end_rows(elastic, geometric, C, s, dF)

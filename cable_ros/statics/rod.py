@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.elements import Mesh, bubble, reference_element
+from cable_ros.mechanics.elements import Mesh, enrichment
 from cable_ros.mechanics.kernels import gradient, hessian
 from cable_ros.solve import banded
 from cable_ros.statics import compiled
@@ -39,12 +39,13 @@ class Rod:
         self.natural = np.zeros(3) if natural is None else np.ascontiguousarray(natural, float)
         self.h, self.s0 = np.ascontiguousarray(mesh.lengths), mesh.starts
         self.tables = mesh.element.tables
-        fine = reference_element(order, order + 2)
-        self.fine, self.bubble = fine.tables, bubble(order, fine.points)
+        fine, self.bubble = enrichment(order)
+        self.fine = fine.tables
         self.qe, self.re, self.f = np.array([1.0, 0, 0, 0]), np.array([0.0, 0, 1]), np.zeros(3)
         self.elastic, self.geometric = np.zeros((n, band)), np.zeros((n, band))
         self.A, self.L, self.pivots = np.zeros((n, band)), np.zeros((n, band)), np.ones(n)
         self.C, self.Y, self.S = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 3))
+        self.parts, self.acc = np.zeros((elements, 3, band)), np.zeros((nodes, 4))
         self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
         self.shares = np.zeros(elements)
         self.mode = np.zeros(n)
@@ -59,8 +60,9 @@ class Rod:
 
     def _gradient(self, q: np.ndarray, F: np.ndarray) -> None:
         N, dN, _, _, points, weights = self.tables
-        gradient(q, F, self.f, self.K, self.natural, self.h, self.s0, N, dN, points, weights,
-                 self.g, self.radial, self.totals)  # fmt: skip
+        self.acc[:] = 0.0
+        gradient(q, compiled.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0, N, dN, points, weights,
+                 self.acc, self.g, self.radial, self.totals)  # fmt: skip
 
     def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
         self._gradient(x, np.zeros(3))
@@ -68,8 +70,8 @@ class Rod:
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         self._gradient(x, y)
-        hessian(x, y, self.f, self.K, self.natural, self.h, self.s0, *self.tables, self.radial,
-                self.elastic, self.geometric, self.C)  # fmt: skip
+        hessian(x, compiled.spread(y, self.h), self.f, self.K, self.natural, self.h, self.s0, *self.tables, self.radial,
+                self.elastic, self.geometric, self.parts, self.C)  # fmt: skip
         self._normal = None
         g = self.g.ravel().copy()
         g[:3] = g[-3:] = 0.0
@@ -129,8 +131,8 @@ class Rod:
         q_new, F_new = np.empty_like(q), np.empty(3)
         code, iterations, self.drift = compiled.advance(
             q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables,
-            self.elastic, self.geometric, self.C, self.A, self.L, self.pivots, self.Y, self.S,
-            self.g, self.radial, self.totals, tolerance, limit, self.drift, REFRESH, q_new, F_new,
+            self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.Y, self.S,
+            self.acc, self.g, self.radial, self.totals, tolerance, limit, self.drift, REFRESH, q_new, F_new,
         )  # fmt: skip
         if code == compiled.ADVANCED:
             self.set_conditions(qe, re, f)
