@@ -11,6 +11,8 @@ Two topics below the node's name, written to the log only:
   its wrenches. Wrenches that follow, up to the next one, are its results; a cable without one had no
   trusted result.
 - `~/events`, `std_msgs/msg/String`: one JSON object each, with the event under the key `event`.
+
+A log holds one scene: another scene begins another log.
 """
 
 from __future__ import annotations
@@ -29,8 +31,6 @@ RESET = "reset"
 """`Tracker.reset()` was called."""
 SET = "set"
 """A setting of the tracker changed: `tolerance` or `polyline_points` with the new value."""
-SCENE = "scene"
-"""Another scene from here on, with a new tracker: `text`, `path`, `urdf`, `tolerance`, `polyline_points`."""
 
 
 def encode_event(event: str, **values: Any) -> bytes:

@@ -135,14 +135,7 @@ class LogReader:
         jumped backwards.
         """
         for schema, channel, message in self._guarded(topics, start, end, as_written):
-            yield LoggedMessage(
-                channel.topic,
-                schema.name if schema else "",
-                message.data,
-                message.log_time,
-                message.publish_time,
-                message.sequence,
-            )
+            yield self._logged(schema, channel, message)
 
     def decoded(
         self,
@@ -151,16 +144,21 @@ class LogReader:
         end: int | None = None,
         *,
         as_written: bool = False,
+        raw: Collection[str] = (),
     ) -> Iterator[tuple[LoggedMessage, Any]]:
         """The same with each message decoded by the schema that the log carries (mcap-ros2-support).
 
-        A decoded message has the fields of the ROS message as attributes.
+        A decoded message has the fields of the ROS message as attributes; those of the topics `raw` are not
+        decoded, None stands for them.
         """
         from mcap_ros2.decoder import DecoderFactory
 
         factory = DecoderFactory()
         decoders: dict[int, Any] = {}
         for schema, channel, message in self._guarded(topics, start, end, as_written):
+            if channel.topic in raw:
+                yield self._logged(schema, channel, message), None
+                continue
             decode = decoders.get(channel.id)
             if decode is None:
                 decode = decoders[channel.id] = factory.decoder_for(channel.message_encoding, schema)
@@ -169,14 +167,6 @@ class LogReader:
                         f"{self.path}: topic {channel.topic} is encoded as '{channel.message_encoding}';"
                         " only ROS 2 messages ('cdr' with a 'ros2msg' schema) can be decoded."
                     )
-            logged = LoggedMessage(
-                channel.topic,
-                schema.name,
-                message.data,
-                message.log_time,
-                message.publish_time,
-                message.sequence,
-            )
             try:
                 value = decode(message.data)
             except (struct.error, ValueError, IndexError) as error:
@@ -184,7 +174,18 @@ class LogReader:
                     f"{self.path}: message {message.sequence} of {channel.topic} is not a {schema.name}"
                     f" ({error}); leave the topic out."
                 ) from None
-            yield logged, value
+            yield self._logged(schema, channel, message), value
+
+    @staticmethod
+    def _logged(schema: Any, channel: Any, message: Any) -> LoggedMessage:
+        return LoggedMessage(
+            channel.topic,
+            schema.name if schema else "",
+            message.data,
+            message.log_time,
+            message.publish_time,
+            message.sequence,
+        )
 
     def _guarded(
         self, topics: Collection[str] | None, start: int | None, end: int | None, as_written: bool

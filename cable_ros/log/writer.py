@@ -134,6 +134,16 @@ class LogWriter:
         )
         return True
 
+    def put(self, topic: str, type_name: str, cdr: bytes, log_time_ns: int) -> None:
+        """As `write`, but waits while the queue is full: for programs that are not in a hurry.
+
+        Raises: LogError where the log has stopped.
+        """
+        while self._thread.is_alive() and self.queued_bytes > self._queue_bytes // 2:
+            time.sleep(0.005)
+        if not self.write(topic, type_name, cdr, log_time_ns):
+            raise LogError(self.error or f"Cannot write {self.path}: the log is closed.")
+
     def close(self) -> None:
         """Write what is queued, finish the file, stop the thread. What failed is then in `error`."""
         self._stop.set()

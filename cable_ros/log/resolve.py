@@ -1,0 +1,137 @@
+"""Solves a logged run again and compares every wrench with the logged one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import yaml
+
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.log.events import RESET, SET, START
+from cable_ros.log.reader import PARAMETERS, LogReader
+from cable_ros.log.run import CLAMPS, Event, Gap, LoggedRun, Solve
+from cable_ros.scene import Scene, load_scene
+from cable_ros.scene.text import parse_yaml
+from cable_ros.tracker import Tracker
+
+
+@dataclass
+class Comparison:
+    """The wrenches at one clamp of one cable, logged and solved again."""
+
+    compared: int = 0
+    identical: int = 0
+    """How many are the same bit for bit."""
+    unanswered: int = 0
+    """Logged, but solved again without a trusted result; or the other way round."""
+    force: float = 0.0
+    moment: float = 0.0
+    """Largest differences, N and N m."""
+    force_scale: float = 0.0
+    moment_scale: float = 0.0
+    """Largest logged force and moment, N and N m."""
+    worst_time: int = 0
+    """Log time of the largest difference of force, ns."""
+
+    def take(self, logged: np.ndarray | None, again: Equilibrium | None, clamp: str, time: int) -> None:
+        """One pair; None or an untrusted result stands for no wrench."""
+        wrench = None
+        if again is not None and again.status.trusted:
+            wrench = again.end_wrench if clamp == "end" else again.start_wrench
+        if logged is None or wrench is None:
+            self.unanswered += (logged is None) != (wrench is None)
+            return
+        self.compared += 1
+        self.identical += logged.tobytes() == np.ascontiguousarray(wrench, dtype=float).tobytes()
+        difference = np.abs(wrench - logged)
+        force, moment = float(np.linalg.norm(difference[:3])), float(np.linalg.norm(difference[3:]))
+        if force > self.force:
+            self.worst_time = time
+        self.force, self.moment = max(self.force, force), max(self.moment, moment)
+        self.force_scale = max(self.force_scale, float(np.linalg.norm(logged[:3])))
+        self.moment_scale = max(self.moment_scale, float(np.linalg.norm(logged[3:])))
+
+    @property
+    def relative(self) -> float:
+        """Largest difference over the largest logged force or moment; inf where an answer is missing."""
+        if self.unanswered:
+            return np.inf
+        return max(_ratio(self.force, self.force_scale), _ratio(self.moment, self.moment_scale))
+
+    def within(self, tolerance: float) -> bool:
+        """Whether the difference is at most `tolerance`; 0 asks for the same bits."""
+        return self.relative <= tolerance and (tolerance > 0 or self.identical == self.compared)
+
+
+@dataclass
+class Outcome:
+    """What came out of solving a run again."""
+
+    solves: int = 0
+    gaps: int = 0
+    """Solves that the log lacks because they were dropped."""
+    fresh: bool = True
+    """Whether the log begins with a tracker that had not solved anything."""
+    comparisons: dict[tuple[str, str], Comparison] = field(default_factory=dict)
+    """By cable and clamp."""
+
+    @property
+    def relative(self) -> float:
+        """Largest relative difference of all."""
+        return max((c.relative for c in self.comparisons.values()), default=0.0)
+
+    def within(self, tolerance: float) -> bool:
+        """Whether all differences are at most `tolerance`; 0 asks for the same bits."""
+        return all(c.within(tolerance) for c in self.comparisons.values())
+
+
+def logged_scene(log: LogReader) -> Scene:
+    """The scene that a log holds. Raises LogError or SceneError."""
+    return load_scene(parse_yaml(log.scene_text, f"{log.path}: scene"), urdf=log.urdf_text)
+
+
+def logged_tolerance(log: LogReader, default: float = 1e-4) -> float:
+    """The tolerance among the logged parameters."""
+    nodes = yaml.safe_load(log.attachments.get(PARAMETERS, "")) or {}
+    for node in nodes.values() if isinstance(nodes, dict) else ():
+        value = node.get("ros__parameters", {}).get("tolerance") if isinstance(node, dict) else None
+        if isinstance(value, float | int):
+            return float(value)
+    return default
+
+
+def resolve(
+    run: LoggedRun, tracker: Tracker, outcome: Outcome
+) -> Iterator[tuple[Solve, dict[str, Equilibrium]]]:
+    """Feed `run` to `tracker`; yields every solve with its new equilibria, and keeps count in `outcome`."""
+    for item in run:
+        if isinstance(item, Event):
+            _apply(item, tracker, outcome)
+        elif isinstance(item, Gap):
+            outcome.gaps += item.count
+        elif all(name in item.joints for name in tracker.joint_names):
+            # A received joint state without one of the joints was not solved.
+            equilibria = tracker.solve(item.joints)
+            outcome.solves += 1
+            for cable, clamp in {*item.wrenches, *((name, clamp) for name in equilibria for clamp in CLAMPS)}:
+                comparison = outcome.comparisons.setdefault((cable, clamp), Comparison())
+                comparison.take(
+                    item.wrenches.get((cable, clamp)), equilibria.get(cable), clamp, item.log_time
+                )
+            yield item, equilibria
+
+
+def _apply(event: Event, tracker: Tracker, outcome: Outcome) -> None:
+    if event.kind == RESET:
+        tracker.reset()
+    elif event.kind in (START, SET):
+        outcome.fresh &= bool(event.values.get("fresh", True))
+        for name in ("tolerance", "polyline_points"):
+            if name in event.values:
+                setattr(tracker, name, event.values[name])
+
+
+def _ratio(difference: float, scale: float) -> float:
+    return difference / scale if scale else (np.inf if difference else 0.0)
