@@ -1,0 +1,104 @@
+"""What the node publishes about one cable."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TransformStamped, WrenchStamped
+from nav_msgs.msg import Path
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.ros.messages import PathMessage, WrenchMessage, clamp_transform, diagnostic
+from cable_ros.ros.recorder import Outlet
+from cable_ros.scene.model import Cable
+from cable_ros.solve.status import Status
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+# Reliable suits subscribers of either kind; a slow one loses all but the newest.
+STREAM = QoSProfile(depth=5)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+_LEVELS = {Status.CONVERGED: DiagnosticStatus.OK, Status.SNAPPED: DiagnosticStatus.WARN}
+
+
+def level(status: Status) -> bytes:
+    """Diagnostic level of a status."""
+    found: bytes = _LEVELS.get(status, DiagnosticStatus.ERROR)
+    return found
+
+
+class CableOutputs:
+    """Topics and messages of one cable: both wrenches, polyline, diagnostics."""
+
+    def __init__(self, node: Node, cable: Cable, world_frame: str, polyline_points: int) -> None:
+        self.cable = cable
+        self.world_frame = world_frame
+        base = f"~/{cable.name}"
+        self.end_frame, self.start_frame = f"{cable.name}_end", f"{cable.name}_start"
+        self.end_wrench = Outlet.create(node, WrenchStamped, f"{base}/end_wrench", STREAM)
+        self.start_wrench = Outlet.create(node, WrenchStamped, f"{base}/start_wrench", STREAM)
+        self.polyline = Outlet.create(node, Path, f"{base}/polyline", LATCHED)
+        self._end_message = WrenchMessage(self.end_frame)
+        self._start_message = WrenchMessage(self.start_frame)
+        self._path_message = PathMessage(world_frame, polyline_points)
+        self.worst: Equilibrium | None = None
+        """The result of the highest diagnostic level since the last diagnostics."""
+
+    @property
+    def outlets(self) -> tuple[Outlet, ...]:
+        """All topics of this cable."""
+        return self.end_wrench, self.start_wrench, self.polyline
+
+    def note(self, equilibrium: Equilibrium) -> None:
+        """Remember a result for the diagnostics; the worst one is told, later ones otherwise."""
+        if self.worst is None or level(equilibrium.status) >= level(self.worst.status):
+            self.worst = equilibrium
+
+    def wrenches(self, stamp: int, equilibrium: Equilibrium) -> list[tuple[Outlet, bytes]]:
+        """The messages of both wrenches."""
+        return [
+            (self.end_wrench, self._end_message.fill(stamp, equilibrium.end_wrench)),
+            (self.start_wrench, self._start_message.fill(stamp, equilibrium.start_wrench)),
+        ]
+
+    def path(self, stamp: int, equilibrium: Equilibrium) -> tuple[Outlet, bytes]:
+        """The message of the polyline."""
+        if len(equilibrium.points) != self._path_message.count:
+            self._path_message = PathMessage(self.world_frame, len(equilibrium.points))
+        return self.polyline, self._path_message.fill(stamp, equilibrium.points, equilibrium.orientations)
+
+    def transforms(self) -> list[TransformStamped]:
+        """The frames of both clamps in their links."""
+        return [
+            clamp_transform(self.start_frame, self.world_frame, self.cable.start),
+            clamp_transform(self.end_frame, self.world_frame, self.cable.end),
+        ]
+
+    def status(self, prefix: str, hardware_id: str) -> DiagnosticStatus:
+        """The diagnostics entry, about the worst result since the last one."""
+        name = f"{prefix}: {self.cable.name}"
+        equilibrium, self.worst = self.worst, None
+        if equilibrium is None:
+            return diagnostic(
+                name, DiagnosticStatus.STALE, "Nothing solved since the last report.", {}, hardware_id
+            )
+        values = {
+            "status": equilibrium.status.name,
+            "solve time [us]": equilibrium.solve_time * 1e6,
+            "iterations": equilibrium.iterations,
+            "error estimate": equilibrium.error_estimate,
+            "stability margin": equilibrium.stability_margin,
+            "total twist [rad]": equilibrium.total_twist,
+            "energy [J]": equilibrium.energy,
+        }
+        return diagnostic(name, level(equilibrium.status), equilibrium.message, values, hardware_id)
+
+    def destroy(self, node: Node) -> None:
+        """Withdraw the topics."""
+        for outlet in self.outlets:
+            if outlet.publisher is not None:
+                node.destroy_publisher(outlet.publisher)

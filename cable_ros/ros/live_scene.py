@@ -1,0 +1,130 @@
+"""A scene that is being tracked: joint states in, messages out, in the order in which they matter."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.joint import joint_load
+from cable_ros.ros.cable_outputs import CableOutputs
+from cable_ros.ros.joint_states import JointStates
+from cable_ros.ros.markers import CableMarkers
+from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, SolvedJointsMessage
+from cable_ros.ros.recorder import Outlet
+from cable_ros.scene.model import Scene
+from cable_ros.solve.status import Status
+from cable_ros.tracker import Tracker
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+Send = Callable[[Outlet, bytes], None]
+
+
+class LiveScene:
+    """Tracker, joint states and the messages of one scene.
+
+    Args:
+        node: publishes the cables' topics.
+        scene: what there is.
+        tracker: of that scene.
+        topic: of the joint states, for sentences.
+        world_frame: frame of what has no link; empty: the robot's root link, "world" without a robot.
+    """
+
+    def __init__(self, node: Node, scene: Scene, tracker: Tracker, topic: str, world_frame: str) -> None:
+        self.scene = scene
+        self.tracker = tracker
+        self.world_frame = world_frame
+        self.states = JointStates(tracker.joint_names, topic)
+        self.cables = {
+            cable.name: CableOutputs(node, cable, world_frame, tracker.polyline_points)
+            for cable in scene.cables
+        }
+        self._solved = SolvedJointsMessage(tracker.joint_names)
+        self._load = JointLoadMessage(tracker.joint_names) if tracker.joint_names else None
+        self._stiffness = JointStiffnessMessage(len(tracker.joint_names)) if tracker.joint_names else None
+        self._markers: dict[str, CableMarkers] = {}
+        self.equilibria: dict[str, Equilibrium] = {}
+        self.solved = 0
+        self.fresh = True
+        """Whether the tracker has solved nothing since it was made or reset."""
+        self.statuses: tuple[Status, ...] = ()
+
+    def warm_up(self) -> float:
+        """Compile and load everything that a joint state will need; returns the seconds that it took."""
+        start = time.perf_counter()
+        for value in (0.0, 0.01):
+            joints = dict.fromkeys(self.tracker.joint_names, value)
+            equilibria = self.tracker.solve(joints)
+            if self._load and all(e.status.trusted for e in equilibria.values()):
+                joint_load(self.tracker, equilibria, joints)
+        self.reset()
+        self._prepare_markers()
+        return time.perf_counter() - start
+
+    def solve(self) -> None:
+        """Solve at the last known joint positions."""
+        self.equilibria = self.tracker.solve(self.states.joints())
+        self.solved += 1
+        self.fresh = False
+        self.statuses = tuple(equilibrium.status for equilibrium in self.equilibria.values())
+        for name, equilibrium in self.equilibria.items():
+            self.cables[name].note(equilibrium)
+
+    def reset(self) -> None:
+        """The next pose is solved from a cold start."""
+        self.tracker.reset()
+        self.fresh = True
+
+    def solved_joints(self, stamp: int) -> bytes:
+        """The joint values that were solved last, for the log."""
+        return self._solved.fill(stamp, self.states.positions)
+
+    def _trusted(self) -> list[tuple[CableOutputs, Equilibrium]]:
+        return [(self.cables[name], e) for name, e in self.equilibria.items() if e.status.trusted]
+
+    def send_loads(self, send: Send, stamp: int, load: Outlet, stiffness: Outlet) -> None:
+        """Send the wrenches of every cable whose numbers are trusted, then, where all are, the joint load."""
+        trusted = self._trusted()
+        for cable, equilibrium in trusted:
+            for outlet, data in cable.wrenches(stamp, equilibrium):
+                send(outlet, data)
+        if self._load and self._stiffness and len(trusted) == len(self.cables):
+            torque, derivative = joint_load(self.tracker, self.equilibria, self.states.joints())
+            send(load, self._load.fill(stamp, self.states.positions, torque))
+            send(stiffness, self._stiffness.fill(np.asarray(derivative)))
+
+    def send_polylines(self, send: Send, stamp: int) -> None:
+        """Send the polyline of every cable whose numbers are trusted."""
+        for cable, equilibrium in self._trusted():
+            send(*cable.path(stamp, equilibrium))
+
+    def send_markers(self, send: Send, stamp: int, outlet: Outlet, force_scale: float) -> None:
+        """Send the markers of every cable whose numbers are trusted."""
+        self._prepare_markers()
+        for cable, equilibrium in self._trusted():
+            send(outlet, self._markers[cable.cable.name].fill(stamp, equilibrium, force_scale))
+
+    def _prepare_markers(self) -> None:
+        count = self.tracker.polyline_points
+        for cable in self.scene.cables:
+            markers = self._markers.get(cable.name)
+            if markers is None or markers.count != count:
+                self._markers[cable.name] = CableMarkers(cable, self.world_frame, count)
+
+    def attachments(self, parameters: str) -> Mapping[str, str]:
+        """What a log needs besides messages to be solved again."""
+        texts = {"scene.yaml": self.scene.text, "parameters.yaml": parameters}
+        if self.scene.robot is not None:
+            texts["robot.urdf"] = self.scene.robot.urdf
+        return texts
+
+    def destroy(self, node: Node) -> None:
+        """Withdraw the cables' topics."""
+        for cable in self.cables.values():
+            cable.destroy(node)

@@ -1,0 +1,74 @@
+"""cable_node beside a running robot.
+
+ros2 launch cable_ros cable.launch.py scene:=/path/to/scene.yaml log:=true rviz:=true
+
+What is given on the command line wins over the parameter file; what is not given is left to it.
+"""
+
+from __future__ import annotations
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+ARGUMENTS = {
+    "params_file": "Parameter file of the node; empty: the package's config/cable_node.yaml.",
+    "scene": "Scene file; a bare name is also sought among the installed scenes.",
+    "namespace": "Namespace of the node.",
+    "joint_states": "Topic of the joint states.",
+    "world_frame": "Frame of scene positions without a link; empty: the robot's root link.",
+    "log": "true: write an MCAP log.",
+    "log_path": "New .mcap file or a folder for the log.",
+    "use_sim_time": "true: take the time from /clock.",
+    "rviz": "true: start RViz with the cable's layout.",
+}
+PARAMETERS = {
+    "scene": "scene",
+    "joint_states": "joint_states_topic",
+    "world_frame": "world_frame",
+    "log": "log.enabled",
+    "log_path": "log.path",
+    "use_sim_time": "use_sim_time",
+}
+"""Node parameter of a launch argument."""
+BOOLEANS = ("log", "use_sim_time", "rviz")
+
+
+def _nodes(context: LaunchContext) -> list[Node]:
+    given = {name: context.launch_configurations[name] for name in ARGUMENTS}
+    for name in BOOLEANS:
+        if given[name].lower() not in ("", "true", "false"):
+            raise ValueError(f"The launch argument {name} is '{given[name]}'; it must be true or false.")
+    values = {
+        parameter: given[name].lower() == "true" if name in BOOLEANS else given[name]
+        for name, parameter in PARAMETERS.items()
+        if given[name]
+    }
+    share = FindPackageShare("cable_ros")
+    file = given["params_file"] or PathJoinSubstitution([share, "config", "cable_node.yaml"])
+    nodes = [
+        Node(
+            package="cable_ros",
+            executable="cable_node",
+            namespace=given["namespace"],
+            output="screen",
+            parameters=[file, values],
+        )
+    ]
+    if given["rviz"].lower() == "true":
+        layout = PathJoinSubstitution([share, "config", "cable.rviz"])
+        time_source = {"use_sim_time": values.get("use_sim_time", False)}
+        nodes.append(
+            Node(package="rviz2", executable="rviz2", arguments=["-d", layout], parameters=[time_source])
+        )
+    return nodes
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The launch file's entry point."""
+    arguments = [
+        DeclareLaunchArgument(name, default_value="", description=text) for name, text in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
