@@ -373,9 +373,7 @@ def joint_motion() -> list[Case]:
     turns = np.concatenate([whole, whole[::-1]])
     once = np.concatenate([np.arange(0, 361, 5), np.arange(355, -1, -5)])
     cases = [
-        arm(
-            f"joint jump of {jump:g} deg", "as by small steps", (start, start + jump), check=checks.as_small()
-        )
+        arm(f"joint jump of {jump:g} deg", "as by small steps", (start, start + jump), check=checks.as_small)
         for jump, start in ((1.0, 30.0), (10.0, 30.0), (90.0, -30.0), (-90.0, 60.0), (180.0, -90.0))
     ]
     cases += [
