@@ -169,7 +169,7 @@ def wrench_figure(
             if abscissa.unit == "deg":
                 grid[1, column].xaxis.set_major_locator(mpl.ticker.MaxNLocator(steps=[1, 1.5, 3, 4.5, 10]))
         figure.supxlabel(
-            "x y z: the end clamp's axes, z along the cable. "
+            "x y z: the end clamp's axes, z along the cable.\n"
             "What the clamp exerts on the cable (the paper's Fig. 10) has the opposite sign.",
             x=0.02,
             ha="left",

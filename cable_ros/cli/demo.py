@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ Needs the extras 'ros', 'robot' and 'plot', no display and no robot."""
 
 LOG_NAME = "space_arm.mcap"
 RATE = 100.0  # joint states per second
-START_TIMEOUT = 60.0  # s; a first start compiles the solver
+START_TIMEOUT = 180.0  # s; a first start compiles the solver, about 15 s on one core
 ANSWER_TIMEOUT = 10.0  # s
 STOP_TIMEOUT = 15.0  # s
 
@@ -56,16 +56,17 @@ def run(args: argparse.Namespace) -> int:
     os.environ["ROS_DOMAIN_ID"] = str(random.randint(1, 100))
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     angles = np.radians(np.arange(-90, 90.01, 0.5))
+    print("Starting the cable node; its first start on a machine compiles the solver.", file=sys.stderr)
     with node_process(share_file("config", "space_arm.yaml"), log) as check:
         drive(angles, check)
     shapes, wrench = draw(log, args.out)
-    print(f"{log}: {len(angles)} joint states and, for each, the end wrench, polyline and diagnostics")
+    print(f"{log}: {len(angles)} joint states and what answers each: wrenches, polyline, joint load")
     print(f"{shapes}: the cable's shapes in the XOZ, YOZ and XOY planes")
     print(f"{wrench}: the end force and moment against the angle of the joint")
     return 0
 
 
-def drive(angles: np.ndarray, check: Any) -> None:
+def drive(angles: np.ndarray, check: Callable[[], None]) -> None:
     """Publish the angles (m,), rad, one after the other at RATE, each after the answer to the one before."""
     from tqdm import tqdm
 
@@ -84,7 +85,7 @@ def drive(angles: np.ndarray, check: Any) -> None:
 
 
 @contextlib.contextmanager
-def node_process(scene: Path, log: Path) -> Iterator[Any]:
+def node_process(scene: Path, log: Path) -> Iterator[Callable[[], None]]:
     """The real node in a process of its own; gives a function that raises CommandError once it is dead."""
     parameters = {"scene": scene.absolute(), "log.enabled": "true", "log.path": log.absolute()}
     command = [sys.executable, "-m", "cable_ros.ros.cable_node", "--ros-args"]

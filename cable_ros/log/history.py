@@ -52,7 +52,7 @@ def read_history(path: str | Path) -> History:
         wrenches = {_cable(name): name for name in _topics(reader, WRENCH, "end_wrench")}
         if not wrenches:
             raise LogError(f"{path} holds no end wrench of a cable; log a run in which the node answers.")
-        names, joints = _joints(reader)
+        names, joints = _joints(reader, {name.rsplit("/", 2)[0] for name in wrenches.values()})
         paths = {_cable(name): name for name in _topics(reader, PATH, "polyline")}
         times = {
             cable: np.array([message.log_time for message in reader.messages([topic])])
@@ -89,12 +89,12 @@ def _cable(topic: str) -> str:
     return topic.split("/")[-2]
 
 
-def _joints(reader: LogReader) -> tuple[tuple[str, ...], Trace]:
+def _joints(reader: LogReader, nodes: set[str]) -> tuple[tuple[str, ...], Trace]:
     topics = [
         topic.name
         for topic in reader.topics.values()
-        # The node's joint load has the type of a joint state.
-        if topic.type_name == JOINT_STATE and not topic.name.endswith("/joint_load")
+        # The node's own topics of this type, such as the joint load, are answers.
+        if topic.type_name == JOINT_STATE and topic.name.rpartition("/")[0] not in nodes
     ]
     known: dict[str, float] = {}
     times, rows = [], []
