@@ -1,4 +1,4 @@
-"""Where the clamps are, and how they move, for given joint values; forward kinematics by Pinocchio."""
+"""Where clamps and obstacles are for given joint values, and how they move; kinematics by Pinocchio."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from typing import Any
 import numpy as np
 
 from cable_ros.scene.errors import SceneError
-from cable_ros.scene.model import Mount, Scene
+from cable_ros.scene.model import Scene
 from cable_ros.scene.urdf import chains
+
+_IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 class Kinematics:
-    """World poses of the clamps of all cables of a scene.
+    """World poses of the clamps of all cables of a scene, and of the links that carry its obstacles.
 
-    The root link of the robot is the world. Only joints between the root and a link that carries a clamp
-    count; all others leave every clamp where it is. A scene whose clamps are all fixed in the world needs
-    no Pinocchio. Not to be shared between threads.
+    The root link of the robot is the world. Only joints between the root and a link that carries a clamp or
+    an obstacle count; all others leave everything where it is. A scene in which all is fixed in the world
+    needs no Pinocchio. Not to be shared between threads.
 
     Raises:
         SceneError: Pinocchio is needed and missing, or the URDF cannot be used.
@@ -27,37 +29,59 @@ class Kinematics:
 
     def __init__(self, scene: Scene) -> None:
         mounts = [mount for cable in scene.cables for mount in cable.mounts]
-        self._poses = np.array([np.concatenate([m.position, m.orientation]) for m in mounts])
+        self._clamps = _Frames(
+            [mount.link for mount in mounts],
+            np.array([np.concatenate([m.position, m.orientation]) for m in mounts]),
+        )
         self._shape = (len(scene.cables), 2)
-        self._frames: list[tuple[int, int, Any]] = []
+        self._obstacles = _Frames(
+            [o.link for o in scene.obstacles], np.tile(_IDENTITY, (len(scene.obstacles), 1))
+        )
         self.joint_names = ()
-        moving = [(i, m, m.link) for i, m in enumerate(mounts) if m.link is not None]
-        if not moving:
+        links = [
+            link for frames in (self._clamps, self._obstacles) for link in frames.links if link is not None
+        ]
+        if not links:
             return
         if scene.robot is None:
-            raise SceneError(scene.source, "robot", "the clamps need a robot; load the scene with its URDF")
+            what = "clamps" if any(self._clamps.links) else "obstacles"
+            raise SceneError(scene.source, "robot", f"the {what} need a robot; load the scene with its URDF")
         self._pin = pin = _pinocchio(scene.source)
-        bare = chains(scene.robot.urdf, scene.robot.source, dict.fromkeys(link for _, _, link in moving))
+        bare = chains(scene.robot.urdf, scene.robot.source, dict.fromkeys(links))
         try:
             self._model = model = pin.buildModelFromXML(bare)
         except (ValueError, RuntimeError) as error:
             detail = " ".join(str(error).split())
             raise SceneError(scene.robot.source, "", f"Pinocchio cannot read this URDF ({detail})") from None
         self.joint_names = tuple(model.names)[1:]
-        frames = []
-        for i, mount, link in moving:
-            carrier = model.getFrameId(link)
-            body = model.frames[carrier]
-            joint = body.parentJoint if hasattr(body, "parentJoint") else body.parent  # Pinocchio 3, 2
-            placement = body.placement * _placement(pin, mount)
-            frame = pin.Frame(f"clamp {i}", joint, carrier, placement, pin.FrameType.OP_FRAME)
-            frames.append((i, model.addFrame(frame)))
+        self._clamps.add(pin, model, "clamp")
+        self._obstacles.add(pin, model, "obstacle")
         self._data = model.createData()
-        # The placements are views of Pinocchio's data: an update moves them all.
-        self._frames = [(i, frame, self._data.oMf[frame]) for i, frame in frames]
-        self.poses(np.zeros(len(self.joint_names)))
-        if not self.joint_names:  # all clamps on the root link: nothing moves, and Pinocchio needs a joint
-            self._frames = []
+        zero = np.zeros(len(self.joint_names))
+        for frames in (self._clamps, self._obstacles):
+            frames.view(self._data)
+            self._update(frames, zero)
+            if not self.joint_names:  # all on the root link: nothing moves, and Pinocchio needs a joint
+                frames.moving = []
+
+    def _update(self, frames: _Frames, q: np.ndarray) -> np.ndarray:
+        if frames.moving:
+            pin = self._pin
+            pin.framesForwardKinematics(self._model, self._data, q)
+            for i, _, placement in frames.moving:
+                frames.poses[i] = pin.SE3ToXYZQUAT(placement)
+        return frames.poses
+
+    def _jacobians(self, frames: _Frames, q: np.ndarray) -> np.ndarray:
+        out = np.zeros((len(frames.links), 6, len(self.joint_names)))
+        if frames.moving:
+            pin, model, data = self._pin, self._model, self._data
+            pin.computeJointJacobians(model, data, q)
+            pin.updateFramePlacements(model, data)
+            for i, frame, _ in frames.moving:
+                jacobian = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+                out[i] = jacobian.reshape(6, -1)  # a single joint comes without its axis
+        return out
 
     def poses(self, q: np.ndarray) -> np.ndarray:
         """World poses of the clamps.
@@ -68,12 +92,7 @@ class Kinematics:
         Returns:
             (n_cables, 2, 7): cable, start or end, position [m] and quaternion x y z w.
         """
-        if self._frames:
-            pin, poses = self._pin, self._poses
-            pin.framesForwardKinematics(self._model, self._data, q)
-            for i, _, placement in self._frames:
-                poses[i] = pin.SE3ToXYZQUAT(placement)
-        return self._poses.reshape(*self._shape, 7).copy()
+        return self._update(self._clamps, q).reshape(*self._shape, 7).copy()
 
     def jacobians(self, q: np.ndarray) -> np.ndarray:
         """Velocity of each clamp per joint rate.
@@ -85,19 +104,44 @@ class Kinematics:
             (n_cables, 2, 6, n_joints): velocity of the clamp point, then angular velocity, both along
             the world's axes.
         """
-        out = np.zeros((self._shape[0] * 2, 6, len(self.joint_names)))
-        if self._frames:
-            pin, model, data = self._pin, self._model, self._data
-            pin.computeJointJacobians(model, data, q)
-            pin.updateFramePlacements(model, data)
-            for i, frame, _ in self._frames:
-                jacobian = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-                out[i] = jacobian.reshape(6, -1)  # a single joint comes without its axis
-        return out.reshape(*self._shape, 6, len(self.joint_names))
+        return self._jacobians(self._clamps, q).reshape(*self._shape, 6, len(self.joint_names))
+
+    def obstacle_poses(self, q: np.ndarray) -> np.ndarray:
+        """World poses (n_obstacles, 7) of the links that carry the obstacles; the identity for the world.
+
+        Positions, quaternions and `q` as in `poses`.
+        """
+        return self._update(self._obstacles, q).copy()
+
+    def obstacle_jacobians(self, q: np.ndarray) -> np.ndarray:
+        """Velocity (n_obstacles, 6, n_joints) of the origin of each obstacle's link per joint rate.
+
+        As in `jacobians`.
+        """
+        return self._jacobians(self._obstacles, q)
 
 
-def _placement(pin: Any, mount: Mount) -> Any:
-    return pin.XYZQUATToSE3(np.concatenate([mount.position, mount.orientation]))
+class _Frames:
+    """Frames at `poses` (n, 7) in their links' frames; those on a link of the robot move with it."""
+
+    def __init__(self, links: list[str | None], poses: np.ndarray) -> None:
+        self.links, self.poses = links, poses
+        self.moving: list[tuple[int, int, Any]] = []
+
+    def add(self, pin: Any, model: Any, kind: str) -> None:
+        for i, link in enumerate(self.links):
+            if link is None:
+                continue
+            carrier = model.getFrameId(link)
+            body = model.frames[carrier]
+            joint = body.parentJoint if hasattr(body, "parentJoint") else body.parent  # Pinocchio 3, 2
+            placement = body.placement * pin.XYZQUATToSE3(self.poses[i])
+            frame = pin.Frame(f"{kind} {i}", joint, carrier, placement, pin.FrameType.OP_FRAME)
+            self.moving.append((i, model.addFrame(frame), None))
+
+    def view(self, data: Any) -> None:
+        """Hold on to the placements: views of Pinocchio's data, which an update moves all at once."""
+        self.moving = [(i, frame, data.oMf[frame]) for i, frame, _ in self.moving]
 
 
 def _pinocchio(source: str) -> Any:

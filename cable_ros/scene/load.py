@@ -13,20 +13,22 @@ import numpy as np
 import yaml
 
 from cable_ros.scene.errors import SceneError, suggestion
-from cable_ros.scene.model import Cable, Mount, Robot, Scene
-from cable_ros.scene.section import Section, Size, plain
+from cable_ros.scene.influences import CELSIUS, GRAY, read_influence
+from cable_ros.scene.model import EFFECTS, Cable, Mount, Robot, Scene
+from cable_ros.scene.obstacles import read_obstacles
+from cable_ros.scene.section import MILLIMETRES, Section, Size, describe, plain, unit_quaternion
 from cable_ros.scene.text import parse_yaml, read_text
 from cable_ros.scene.urdf import link_names
 
-_MILLIMETRES = "it looks like millimetres"
-LENGTH = Size("m", 0.01, 100.0, too_high=_MILLIMETRES)
-DIAMETER = Size("m", 1e-5, 1.0, too_high=_MILLIMETRES)
+LENGTH = Size("m", 0.01, 100.0, too_high=MILLIMETRES)
+DIAMETER = Size("m", 1e-5, 1.0, too_high=MILLIMETRES)
 MODULUS = Size("Pa", 1e4, 1e13, too_low="it looks like MPa or GPa (1 MPa = 1e6 Pa)")
 LINEAR_DENSITY = Size("kg/m", 0.0, 1000.0, too_high="it looks like grams per metre")
 # Bending from 1e-6 to 1e3 N m^2, torsion and the softer axis up to a thousand times softer or stiffer.
 STIFFNESS = Size("N m^2", 1e-9, 1e6, too_high="it looks like N mm^2 (1 N mm^2 = 1e-6 N m^2)")
 BENDING = Size("N m^2", 1e-6, 1e3, too_high=STIFFNESS.too_high)
 TWIST = Size("rad", -1e4, 1e4)
+FORCE_STIFFNESS = Size("N", 1e-3, 1e12)
 
 LINK_REACH = 50.0
 WORLD_REACH = 1e5
@@ -35,12 +37,17 @@ CHORD_RATIO = 100.0
 """Clamps in one frame that are this many cable lengths apart are a slip of units."""
 SOLID_DENSITY = 1e5
 """kg/m^3; no solid is as heavy, so a linear density above it is a slip of units."""
-UNIT_TOLERANCE = 1e-3
-"""How far a quaternion's norm may be from 1 before it is refused; nearer ones are normalised."""
+MOST_NATURAL = 100.0
+"""rad; a drum that winds the whole cable through more than this is a slip of units."""
 
+_SECTION_FIELDS = ("diameter", "youngs_modulus", "shear_modulus")
+_CABLE_FIELDS = (
+    "name", "length", *_SECTION_FIELDS, "stiffness", "outer_diameter", "linear_density", "total_twist",
+    "natural_strain", "temperature", "dose", "axial_stiffness", "shear_stiffness", "start", "end",
+)  # fmt: skip
 _TOKEN = re.compile(r"[A-Za-z](?:_?[A-Za-z0-9])*")
 _TOKEN_LENGTH = 80
-_SECTION_FIELDS = ("diameter", "youngs_modulus", "shear_modulus")
+_FIELDS = ("robot", "gravity", "cables", "obstacles", "cable_radius", "friction_model", "effects")
 
 
 def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str | None = None) -> Scene:
@@ -62,7 +69,7 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
         source = str(path)
         text = read_text(path, source, "a scene in YAML")
         values = parse_yaml(text, source)
-    top = Section(values, source, "", ("robot", "gravity", "cables"))
+    top = Section(values, source, "", _FIELDS)
     gravity = top.vector("gravity", 3, "[x, y, z] in m/s^2, such as [0, 0, -9.80665]")
     robot = _robot(top, path, urdf)
     links = link_names(robot.urdf, robot.source) if robot else None
@@ -77,7 +84,36 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
                     f"'{cable.name}' is already the name of cables[{j}]; give each cable its own name",
                 )
         cables.append(cable)
-    return Scene(tuple(cables), gravity, robot, text, path, source)
+    obstacles = read_obstacles(
+        top.items("obstacles", "a list of obstacles, or leave it out") if "obstacles" in top else [],
+        source,
+        lambda section: _link(section, links),
+        top.choice("cable_radius", ("count", "ignore"), "count") == "count",
+    )
+    friction_model = top.choice("friction_model", ("coulomb", "sliding"), "coulomb")
+    return Scene(tuple(cables), gravity, robot, text, path, source, obstacles, friction_model, _effects(top))
+
+
+def _effects(top: Section) -> str | tuple[str, ...]:
+    if "effects" not in top:
+        return "all"
+    names = ", ".join(EFFECTS)
+    remedy = f"auto, all, or a list of {names}"
+    value = plain(top.get("effects", remedy))
+    if isinstance(value, str):
+        return top.choice("effects", ("auto", "all"), "all")
+    if not isinstance(value, list):
+        top.fail(f"must be {remedy}, not {describe(value)}", "effects")
+    for i, name in enumerate(value):
+        place = f"effects[{i}]"
+        if name not in EFFECTS:
+            hint = suggestion(name, EFFECTS) if isinstance(name, str) else ""
+            top.fail(f"there is no effect '{name}'{hint}; give some of {names}", place)
+        if name in value[:i]:
+            top.fail(f"'{name}' stands here twice; keep one", place)
+    if "friction" in value and "contact" not in value:
+        top.fail("friction needs contact; add contact, or take friction out", "effects")
+    return tuple(value)
 
 
 def _robot(top: Section, path: Path | None, urdf: str | None) -> Robot | None:
@@ -96,12 +132,7 @@ def _robot(top: Section, path: Path | None, urdf: str | None) -> Robot | None:
 
 
 def _cable(values: Any, source: str, place: str, links: tuple[str, ...] | None) -> Cable:
-    section = Section(
-        values,
-        source,
-        place,
-        ("name", "length", *_SECTION_FIELDS, "stiffness", "linear_density", "total_twist", "start", "end"),
-    )
+    section = Section(values, source, place, _CABLE_FIELDS)
     name = section.text("name", "a name, such as camera_cable")
     if len(name) > _TOKEN_LENGTH or not _TOKEN.fullmatch(name):
         section.fail(
@@ -121,6 +152,11 @@ def _cable(values: Any, source: str, place: str, links: tuple[str, ...] | None) 
     twist = (
         section.number("total_twist", "radians, or leave it out", TWIST) if "total_twist" in section else None
     )
+    axial = shear = None
+    if "axial_stiffness" in section:
+        axial = section.number("axial_stiffness", "EA in newtons", FORCE_STIFFNESS)
+    if "shear_stiffness" in section:
+        shear = section.vector("shear_stiffness", 2, "[GAx, GAy] in newtons", FORCE_STIFFNESS)
     start = _mount(section, "start", links)
     end = _mount(section, "end", links)
     if start.link == end.link:
@@ -128,10 +164,49 @@ def _cable(values: Any, source: str, place: str, links: tuple[str, ...] | None) 
         if chord > CHORD_RATIO * length:
             section.fail(
                 f"this clamp is {chord:g} m from the start of a cable of {length:g} m; "
-                f"{_MILLIMETRES}; give metres",
+                f"{MILLIMETRES}; give metres",
                 "end.position",
             )
-    return Cable(name, length, stiffness, density, start, end, diameter, twist)
+    return Cable(
+        name, length, stiffness, density, start, end, diameter, twist,
+        outer_diameter=_outer_diameter(section, length, diameter),
+        natural_strain=_natural_strain(section, length),
+        temperature=read_influence(section, "temperature", CELSIUS, "sensor_msgs/Temperature"),
+        dose=read_influence(section, "dose", GRAY, "std_msgs/Float64"),
+        axial_stiffness=axial, shear_stiffness=shear,
+    )  # fmt: skip
+
+
+def _outer_diameter(section: Section, length: float, diameter: float | None) -> float | None:
+    if "outer_diameter" not in section:
+        return None
+    outer = section.number("outer_diameter", "metres", DIAMETER)
+    if outer >= length:
+        section.fail(
+            f"{outer:g} m is not below the length of {length:g} m; {MILLIMETRES}; give metres",
+            "outer_diameter",
+        )
+    if diameter is not None and outer < diameter:
+        section.fail(
+            f"{outer:g} m is less than the diameter of {diameter:g} m; "
+            "give the cable's outside, or leave it out",
+            "outer_diameter",
+        )
+    return outer
+
+
+def _natural_strain(section: Section, length: float) -> np.ndarray | None:
+    if "natural_strain" not in section:
+        return None
+    remedy = "[about x, about y, twist] in 1/m, such as [0, 2.5, 0] off a drum of 0.4 m radius"
+    strain = section.vector("natural_strain", 3, remedy)
+    whole = length * math.hypot(*strain)
+    if whole > MOST_NATURAL:
+        section.fail(
+            f"it winds the cable through {whole:g} rad; it looks like 1/mm or degrees; give {remedy}",
+            "natural_strain",
+        )
+    return strain
 
 
 def _stiffness(section: Section, length: float) -> tuple[float | None, np.ndarray]:
@@ -156,7 +231,7 @@ def _stiffness(section: Section, length: float) -> tuple[float | None, np.ndarra
     diameter = section.number("diameter", "metres", DIAMETER)
     if diameter >= length:
         section.fail(
-            f"{diameter:g} m is not below the length of {length:g} m; {_MILLIMETRES}; give metres", "diameter"
+            f"{diameter:g} m is not below the length of {length:g} m; {MILLIMETRES}; give metres", "diameter"
         )
     young = section.number("youngs_modulus", "pascals", MODULUS)
     shear = section.number("shear_modulus", "pascals", MODULUS)
@@ -171,34 +246,33 @@ def _mount(cable: Section, name: str, links: tuple[str, ...] | None) -> Mount:
     section = Section(
         cable.get(name, remedy), cable.source, cable.at(name), ("link", "position", "orientation")
     )
-    link = section.text("link", "a link of the robot, or leave it out") if "link" in section else None
-    if link is not None and links is None:
-        section.fail(
-            f"'{link}' needs a robot; add 'robot: {{urdf: FILE}}' to the scene, "
-            "or let the node take it from robot_description, or leave 'link' out for a clamp in the world",
-            "link",
-        )
-    if link is not None and links is not None and link not in links:
-        section.fail(
-            f"the robot has no link '{link}'{suggestion(link, links)}; its links are {', '.join(links)}",
-            "link",
-        )
+    link = _link(section, links)
     position = section.vector("position", 3, "[x, y, z] in metres")
     reach = math.hypot(*position)
     if reach > (WORLD_REACH if link is None else LINK_REACH):
         frame = "the world" if link is None else "its link"
-        section.fail(f"{reach:g} m from the origin of {frame}; {_MILLIMETRES}; give metres", "position")
-    quaternion = section.vector("orientation", 4, "a unit quaternion [x, y, z, w]")
-    norm = math.hypot(*quaternion)
-    if abs(norm - 1) > UNIT_TOLERANCE:
+        section.fail(f"{reach:g} m from the origin of {frame}; {MILLIMETRES}; give metres", "position")
+    return Mount(position, unit_quaternion(section, "orientation"), link)
+
+
+def _link(section: Section, links: tuple[str, ...] | None) -> str | None:
+    """The field `link`, which must be one of the robot's."""
+    if "link" not in section:
+        return None
+    link = section.text("link", "a link of the robot, or leave it out")
+    if links is None:
         section.fail(
-            f"the quaternion's norm is {norm:.6g}, not 1; give a unit quaternion [x, y, z, w], "
-            "such as [0, 0, 0, 1] for no rotation",
-            "orientation",
+            f"'{link}' needs a robot; add 'robot: {{urdf: FILE}}' to the scene, "
+            "or let the node take it from robot_description, "
+            "or leave 'link' out for what is fixed in the world",
+            "link",
         )
-    unit = quaternion / norm
-    unit.setflags(write=False)
-    return Mount(position, unit, link)
+    if link not in links:
+        section.fail(
+            f"the robot has no link '{link}'{suggestion(link, links)}; its links are {', '.join(links)}",
+            "link",
+        )
+    return link
 
 
 def _dumpable(values: Any) -> Any:

@@ -7,6 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from cable_ros.scene.influences import Influence
+from cable_ros.scene.obstacles import Obstacle
+
+EFFECTS = (
+    "weight", "natural_strain", "temperature", "dose", "stretch", "shear", "contact", "friction",
+)  # fmt: skip
+"""What a scene may call for beyond bending and torsion, by the names that its `effects` may list."""
+
 
 @dataclass(frozen=True, eq=False)
 class Mount:
@@ -22,7 +30,7 @@ class Mount:
 
 @dataclass(frozen=True, eq=False)
 class Cable:
-    """One cable: straight and untwisted when unloaded, inextensible, clamped at both ends."""
+    """One cable, clamped at both ends; straight, untwisted and inextensible unless it says otherwise."""
 
     name: str
     """Also its part of the topic names."""
@@ -38,6 +46,24 @@ class Cable:
     """m; None where the scene gives the stiffness itself."""
     total_twist: float | None = None
     """Hint, rad: the branch to start on; None: the stable equilibrium of least energy that is found."""
+
+    outer_diameter: float | None = None
+    """m, where contact must count more than `diameter`, or there is none."""
+    natural_strain: np.ndarray | None = None
+    """(3,) curvature about the section's x, y and twist of the unloaded cable, 1/m; None: straight."""
+    temperature: Influence | None = None
+    """What the temperature does to the stiffness; None: nothing."""
+    dose: Influence | None = None
+    """What the radiation dose does to the stiffness; None: nothing."""
+    axial_stiffness: float | None = None
+    """EA, N; None: inextensible."""
+    shear_stiffness: np.ndarray | None = None
+    """(2,) GA along the section's x and y axes, N; None: sections stay across the tangent."""
+
+    @property
+    def radius(self) -> float:
+        """Half of what counts in contact, m; 0 for a cable without a diameter."""
+        return 0.5 * (self.outer_diameter or self.diameter or 0.0)
 
     @property
     def mounts(self) -> tuple[Mount, Mount]:
@@ -71,3 +97,8 @@ class Scene:
     """The scene's file; None where it was given as a mapping."""
     source: str
     """How messages name the scene."""
+    obstacles: tuple[Obstacle, ...] = ()
+    friction_model: str = "coulomb"
+    """coulomb: stick and slip; sliding: fully mobilised against the end's motion, (53) of Liu et al."""
+    effects: str | tuple[str, ...] = "all"
+    """auto: what matters at the tolerance; all: what has numbers in the scene; or some of `EFFECTS`."""

@@ -13,6 +13,10 @@ import numpy as np
 
 from cable_ros.scene.errors import SceneError, suggestion
 
+MILLIMETRES = "it looks like millimetres"
+UNIT_TOLERANCE = 1e-3
+"""How far a quaternion's norm may be from 1 before it is refused; nearer ones are normalised."""
+
 
 @dataclass(frozen=True)
 class Size:
@@ -88,6 +92,37 @@ class Section:
             self.fail(f"must be a list with at least one entry, not {describe(value)}; give {remedy}", name)
         return value
 
+    def choice(self, name: str, words: Sequence[str], default: str) -> str:
+        """One of some words; `default` where the field is not given."""
+        if name not in self:
+            return default
+        valid = " or ".join(words)
+        word = self.text(name, valid)
+        if word not in words:
+            self.fail(f"'{word}' is not {valid}{suggestion(word, words)}", name)
+        return word
+
+    def table(self, name: str, remedy: str, columns: Sequence[Size]) -> np.ndarray:
+        """(n, len(columns)) numbers in two rows or more, each within its column's size, the first ones rising."""
+        rows = self.items(name, remedy)
+        if len(rows) < 2:
+            self.fail(f"one row is not enough; give {remedy}", name)
+        for i, row in enumerate(rows):
+            place = f"{name}[{i}]"
+            if not isinstance(row, list) or len(row) != len(columns):
+                self.fail(
+                    f"must be a row of {len(columns)} numbers, not {describe(row)}; give {remedy}", place
+                )
+            for k, (value, size) in enumerate(zip(row, columns, strict=True)):
+                self._check(value, f"{place}[{k}]", remedy, size)
+            if i and not row[0] > rows[i - 1][0]:
+                self.fail(
+                    f"{row[0]:g} is not above {rows[i - 1][0]:g}; give rows with rising first numbers", place
+                )
+        out = np.array(rows, float)
+        out.setflags(write=False)
+        return out
+
     def _check(self, value: Any, name: str, remedy: str, size: Size | None) -> float:
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             self.fail(f"must be a number, not {describe(value)}; give {remedy}", name)
@@ -96,16 +131,32 @@ class Section:
             self.fail(f"must be finite, not {number}; give {remedy}", name)
         if size is None:
             return number
+        unit = f" {size.unit}" if size.unit else ""
         if number < 0 <= size.low:
-            self.fail(f"must not be negative, but is {number:g} {size.unit}; give {remedy}", name)
+            self.fail(f"must not be negative, but is {number:g}{unit}; give {remedy}", name)
         if not size.low <= number <= size.high:
             slip = size.too_low if number < size.low else size.too_high
             self.fail(
-                f"{number:g} {size.unit} is outside {size.low:g} to {size.high:g} {size.unit}"
+                f"{number:g}{unit} is outside {size.low:g} to {size.high:g}{unit}"
                 f"{'; ' + slip if slip else ''}; give {remedy}",
                 name,
             )
         return number
+
+
+def unit_quaternion(section: Section, name: str) -> np.ndarray:
+    """(4,) a quaternion x y z w, normalised."""
+    quaternion = section.vector(name, 4, "a unit quaternion [x, y, z, w]")
+    norm = math.hypot(*quaternion)
+    if abs(norm - 1) > UNIT_TOLERANCE:
+        section.fail(
+            f"the quaternion's norm is {norm:.6g}, not 1; give a unit quaternion [x, y, z, w], "
+            "such as [0, 0, 0, 1] for no rotation",
+            name,
+        )
+    unit = quaternion / norm
+    unit.setflags(write=False)
+    return unit
 
 
 def plain(value: Any) -> Any:
