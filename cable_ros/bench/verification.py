@@ -282,7 +282,8 @@ def _propagate(
 def _gap(reached: list[np.ndarray], nodes: tuple[np.ndarray, ...]) -> np.ndarray:
     """(n, 12) what is missing between the end of each piece and the node there."""
     turn = reached[1] @ nodes[1].transpose(0, 2, 1)
-    if not np.all(np.isfinite(turn)):
+    # A step too long for the integration leaves no rotation: the claim is far from anything.
+    if not (np.all(np.isfinite(turn)) and np.all(np.linalg.det(turn) > 0.5)):
         return np.full((len(turn), 12), np.nan)
     rotation = Rotation.from_matrix(turn).as_rotvec()
     return np.hstack([reached[0] - nodes[0], rotation, reached[2] - nodes[2], reached[3] - nodes[3]])

@@ -1,0 +1,111 @@
+"""How far the baselines get from a cold start on the cases that we solve."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cable_ros.baselines import bvp, published
+from cable_ros.baselines.result import BaselineResult, ClampedCable
+from cable_ros.bench.cases import Case, case_scene, rods
+from cable_ros.bench.verification import Rod, refine
+from cable_ros.scene.kinematics import Kinematics
+
+LIMIT = 10.0
+"""A baseline's solve is given up after this, s."""
+PARTS = 80
+"""Parts of the published method; its error falls with the first power at best."""
+METHODS: dict[str, tuple[float, Callable[[ClampedCable], BaselineResult]]] = {
+    "solve_bvp": (1e-4, lambda cable: bvp.solve_cold(cable, tolerance=1e-6)),
+    "published": (0.1, lambda cable: published.solve(cable, PARTS)),
+}
+"""By name: the wrench error up to which an answer counts, and the cold solve."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A baseline's answer."""
+
+    verified: bool
+    """A stable equilibrium with its wrench within the method's bound."""
+    error: float
+    """Of the wrench, by verification; inf where no equilibrium is near."""
+    seconds: float
+    why: str
+    """Why it does not count; empty where it does."""
+
+    @property
+    def cell(self) -> str:
+        """For a table."""
+        return f"{self.error:.0e}, {1e3 * self.seconds:.0f} ms" if self.verified else self.why
+
+
+def attempt(name: str, rod: Rod) -> Attempt:
+    """Solve cold and verify; on the main thread, as the time limit is an alarm."""
+    bound, solve = METHODS[name]
+    cable = ClampedCable(rod.length, rod.stiffness, rod.weight, rod.start, rod.end)
+    began = time.perf_counter()
+    try:
+        with _limit(LIMIT), np.errstate(all="ignore"):
+            result = solve(cable)
+    except TimeoutError:
+        return Attempt(False, np.inf, LIMIT, f"over {LIMIT:g} s")
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return Attempt(False, np.inf, time.perf_counter() - began, type(error).__name__)
+    seconds = time.perf_counter() - began
+    if not np.all(np.isfinite(result.points)) or not np.all(np.isfinite(result.end_wrench)):
+        return Attempt(False, np.inf, seconds, "not finite")
+    even = result.at(np.linspace(0.0, rod.length, max(201, result.nodes)))
+    to_clamp = Rotation.from_quat(rod.start[3:]).inv()
+    start_wrench = np.concatenate([to_clamp.apply(even.force[0]), to_clamp.apply(even.moment[0])])
+    found = refine(rod, even.points, even.orientations, start_wrench, result.end_wrench)
+    if not found.converged or found.wrench_error > bound:
+        return Attempt(False, found.wrench_error, seconds, "diverged" if not result.converged else "wrong")
+    return Attempt(found.stable, found.wrench_error, seconds, "" if found.stable else "unstable")
+
+
+def compare(cases: list[Case]) -> str:
+    """Shares of cold cases that each baseline solves, as text."""
+    from tqdm import tqdm
+
+    lines = [f"baselines on {len(cases)} of the cold cases"]
+    attempts: dict[str, list[Attempt]] = {name: [] for name in METHODS}
+    for case in tqdm(cases, desc="baselines", leave=False, disable=None):
+        rod = last_rod(case)
+        for name in METHODS:
+            attempts[name].append(attempt(name, rod))
+    for name, tries in attempts.items():
+        share = np.mean([a.verified for a in tries])
+        median = np.median([a.seconds for a in tries])
+        lines.append(
+            f"  {name:10s} within {METHODS[name][0]:g} and stable: {100 * share:.1f} %, "
+            f"median {1e3 * median:.0f} ms, most {max(a.seconds for a in tries):.1f} s"
+        )
+    return "\n".join(lines)
+
+
+def last_rod(case: Case) -> Rod:
+    """The first cable at the case's last pose."""
+    scene = case_scene(case)
+    return next(iter(rods(scene, Kinematics(scene), case.path[-1]).values()))
+
+
+@contextmanager
+def _limit(seconds: float) -> Iterator[None]:
+    def give_up(*_: Any) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
