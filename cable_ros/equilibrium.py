@@ -50,23 +50,24 @@ class Equilibrium:
 
     @cached_property
     def clamp_stiffness(self) -> np.ndarray:
-        """(12, 12) derivative of `start_wrench` and `end_wrench` by small motions of both clamps; NaN without a result.
+        """(12, 12) derivative of both wrenches by small motions of both clamps; NaN without a result.
 
-        Columns: translation [m] along, then rotation [rad] about the start clamp's own axes through its clamp point, then
-        the same of the end clamp; rows: the components of `start_wrench`, then of `end_wrench`, along axes that move with
-        their clamp. The weight keeps its direction in the world. Exact, from the factored tangent at the equilibrium;
-        computed when first read.
+        Columns: translation [m] along, then rotation [rad] about the start clamp's own axes through its clamp
+        point, then the same of the end clamp; rows: the components of `start_wrench`, then of `end_wrench`,
+        along axes that move with their clamp. The weight keeps its direction in the world. Exact, from the
+        factored tangent at the equilibrium; computed when first read.
         """
         return np.full((12, 12), np.nan) if self._tangent is None else self._tangent()
 
     @property
     def stiffness(self) -> np.ndarray:
-        """(6, 6) derivative of `end_wrench` by a small motion of the end clamp, the start clamp held; NaN without a result.
+        """(6, 6) derivative of `end_wrench` by a small motion of the end clamp, the start clamp held.
 
-        Columns: translation [m] along, then rotation [rad] about the end clamp's own axes through the clamp point; rows:
-        the components of `end_wrench`, along the axes that move with the clamp. The last block of `clamp_stiffness`.
-        With W = (f, m) the end wrench and dead loads, its antisymmetric part is that of the moving axes:
-        K - K^T = [[0, [f]x], [[f]x, [m]x]] with [v]x u = v x u.
+        Columns: translation [m] along, then rotation [rad] about the end clamp's own axes through the clamp
+        point; rows: the components of `end_wrench`, along the axes that move with the clamp. The last block
+        of `clamp_stiffness`; NaN without a result. With W = (f, m) the end wrench and dead loads, its
+        antisymmetric part is that of the moving axes: K - K^T = [[0, [f]x], [[f]x, [m]x]] with [v]x u = v x
+        u.
         """
         return self.clamp_stiffness[6:, 6:]
 

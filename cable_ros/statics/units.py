@@ -31,11 +31,13 @@ class Units:
 
 
 @njit(**OPTIONS)
-def relative(poses, previous, weight, length, force):
-    """Conditions in the start clamp's frame from the clamps' world `poses` (2, 7), x y z then quaternion x y z w.
+def relative(
+    poses: np.ndarray, previous: np.ndarray, weight: np.ndarray, length: float, force: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Conditions in the start clamp's frame from the clamps' world `poses` (2, 7), x y z, quaternion x y z w.
 
-    `weight` (3,): load per length in the world, N/m; `previous` (4,): the end frame before, whose sign is followed.
-    Returns the end frame (4,) scalar first, end position (3,) and load (3,).
+    `weight` (3,): load per length in the world, N/m; `previous` (4,): the end frame before, whose sign is
+    followed. Returns the end frame (4,) scalar first, end position (3,) and load (3,).
     """
     a, b = np.empty(4), np.empty(4)
     a[0], a[1], a[2], a[3] = poses[0, 6], poses[0, 3], poses[0, 4], poses[0, 5]
