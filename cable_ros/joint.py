@@ -1,0 +1,211 @@
+"""What the cables do to the robot's joints: torque, its derivative, where one with backlash comes to rest.
+
+Sign: the torque that the cables exert on the joint, positive along its axis; N m, or N for a prismatic joint.
+It is minus the derivative of the cables' energy by the joint value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.tracker import Tracker
+
+
+class JointLoad(NamedTuple):
+    """All cables together, per joint of `Tracker.joint_names`; NaN where an equilibrium is not trusted."""
+
+    torque: np.ndarray
+    """(n,) on each joint."""
+    stiffness: np.ndarray
+    """(n, n) derivative of the torque (row) by the joint values (column); a negative diagonal pulls back."""
+
+
+def joint_load(
+    tracker: Tracker, equilibria: Mapping[str, Equilibrium], joints: Mapping[str, float]
+) -> JointLoad:
+    """Torque of all cables on each joint, and its exact derivative.
+
+    Args:
+        tracker: the one that solved; its kinematics are used.
+        equilibria: what `tracker.solve(joints)` returned.
+        joints: the joint values of that solve.
+
+    Both clamps count, each with force and moment: tau = sum J^T W, J the Jacobian of the clamp. The
+    derivative takes in that the weight keeps its direction while a start clamp turns
+    (`Equilibrium.clamp_stiffness`), and the motion of the Jacobians: in the clamp's frame column i changes by
+    [J_i, J_k] with a later joint k of its chain.
+    """
+    wrenches, jacobians = _wrenches_and_jacobians(tracker, equilibria, joints)
+    n = jacobians.shape[-1]
+    torque, stiffness = np.zeros(n), np.zeros((n, n))
+    for cable, J, W in zip(tracker.scene.cables, jacobians, wrenches, strict=True):
+        torque += J.T @ W
+        stiffness += J.T @ (equilibria[cable.name].clamp_stiffness @ J)
+        for clamp in (slice(0, 6), slice(6, 12)):
+            for i in range(n):
+                for k in range(i + 1, n):
+                    stiffness[i, k] += _bracket(J[clamp, i], J[clamp, k]) @ W[clamp]
+    return JointLoad(torque, stiffness)
+
+
+def joint_torque(
+    tracker: Tracker, equilibria: Mapping[str, Equilibrium], joints: Mapping[str, float], moments: bool = True
+) -> np.ndarray:
+    """(n,) torque of all cables on each joint; see `joint_load`.
+
+    Args:
+        moments: False counts the forces' arms alone, as (1) of Liu et al. (2018) has it.
+    """
+    wrenches, jacobians = _wrenches_and_jacobians(tracker, equilibria, joints)
+    if not moments:
+        wrenches[:, [3, 4, 5, 9, 10, 11]] = 0.0
+    return np.einsum("cin,ci->n", jacobians, wrenches)
+
+
+def joint_stiffness(
+    tracker: Tracker, equilibria: Mapping[str, Equilibrium], joints: Mapping[str, float]
+) -> np.ndarray:
+    """(n, n) derivative of the torque on each joint (row) by each joint value (column); see `joint_load`."""
+    return joint_load(tracker, equilibria, joints).stiffness
+
+
+@dataclass(frozen=True)
+class RestingAngle:
+    """A joint value at which the cables' torque passes through zero."""
+
+    angle: float
+    """rad, or m."""
+    stiffness: float
+    """Derivative of the torque there."""
+
+    @property
+    def stable(self) -> bool:
+        """Whether the cables push the joint towards it.
+
+        A joint with backlash stays at a stable one while its drive passes, for the width of the gap, and is
+        then taken along: the slow motion of Liu et al. (2018), section 2.2. At an unstable one it jumps
+        across the gap.
+        """
+        return self.stiffness < 0.0
+
+    def held_range(self, friction: float) -> tuple[float, float]:
+        """Joint values about it at which a friction torque of that size holds the joint, to first order."""
+        half = friction / abs(self.stiffness) if self.stiffness else math.inf
+        return self.angle - half, self.angle + half
+
+
+def resting_angles(
+    tracker: Tracker,
+    joint: str,
+    values: Iterable[float],
+    others: Mapping[str, float] | None = None,
+) -> list[RestingAngle]:
+    """Where the torque of the cables on one joint passes through zero, in the order of `values`.
+
+    Args:
+        tracker: is moved along `values`, and ends at the last.
+        joint: one of its joints.
+        values: joint values, rad or m, so close together that no two crossings share an interval.
+        others: the values of the other joints.
+
+    A jump of the torque through zero, where a cable snaps, is no crossing.
+
+    Raises:
+        ValueError: the joint moves no cable, or the equilibrium at one of the values cannot be trusted.
+    """
+    load = _load_on(tracker, joint, others or {})
+    out: list[RestingAngle] = []
+    before = before_torque = math.nan
+    for value in map(float, values):
+        torque = load(value).torque
+        if before_torque * torque < 0.0 or torque == 0.0:
+            angle = _zero(load, before, value) if torque != 0.0 else value
+            there = load(angle)
+            if abs(there.torque) <= 1e-6 * max(abs(torque), abs(before_torque)):
+                out.append(RestingAngle(angle, there.stiffness))
+            load(value)
+        before, before_torque = value, torque
+    return out
+
+
+def positions_in_gap(
+    tracker: Tracker, joint: str, drive: float, backlash: float, others: Mapping[str, float] | None = None
+) -> list[float]:
+    """Where a joint without friction comes to rest while its drive stands still.
+
+    Args:
+        drive: the joint value in the middle of the gap, rad or m.
+        backlash: width of the gap.
+
+    The gap must be so narrow that the torque passes through zero at most once in it. Returns one value, or,
+    where the cables push to either side, both ends of the gap: the joint stays at the one where it was.
+
+    Raises:
+        ValueError: as `resting_angles`.
+    """
+    load = _load_on(tracker, joint, others or {})
+    low, high = drive - 0.5 * backlash, drive + 0.5 * backlash
+    at_low, at_high = load(low).torque, load(high).torque
+    if at_low > 0.0 > at_high:
+        return [_zero(load, low, high)]
+    return ([low] if at_low <= 0.0 else []) + ([high] if at_high >= 0.0 else [])
+
+
+class _Load(NamedTuple):
+    torque: float
+    stiffness: float
+
+
+def _load_on(tracker: Tracker, joint: str, others: Mapping[str, float]) -> Callable[[float], _Load]:
+    """Torque on one joint and its derivative, as functions of its value."""
+    if joint not in tracker.joint_names:
+        known = ", ".join(tracker.joint_names) or "none does"
+        raise ValueError(f"the joint '{joint}' moves no cable; those that do: {known}")
+    row = tracker.joint_names.index(joint)
+
+    def load(value: float) -> _Load:
+        joints = {**others, joint: value}
+        equilibria = tracker.solve(joints)
+        for name, one in equilibria.items():
+            if not one.status.trusted:
+                raise ValueError(f"cable '{name}' at {joint} = {value:g}: {one.message}")
+        torque, stiffness = joint_load(tracker, equilibria, joints)
+        return _Load(float(torque[row]), float(stiffness[row, row]))
+
+    return load
+
+
+def _zero(load: Callable[[float], _Load], low: float, high: float) -> float:
+    """Where the torque is zero between two values at which its signs differ."""
+    return float(brentq(lambda value: load(value).torque, low, high, xtol=1e-12))
+
+
+def _wrenches_and_jacobians(
+    tracker: Tracker, equilibria: Mapping[str, Equilibrium], joints: Mapping[str, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Wrenches of both clamps (cables, 12), and velocities per joint rate (cables, 12, n), clamp frames."""
+    q = np.array([joints[name] for name in tracker.joint_names], dtype=float)
+    found = [equilibria[cable.name] for cable in tracker.scene.cables]
+    wrenches = np.array([np.concatenate([one.start_wrench, one.end_wrench]) for one in found])
+    to_clamp = np.swapaxes(_frames(tracker.kinematics.poses(q)[..., None, 3:]), -1, -2)
+    velocities = tracker.kinematics.jacobians(q).reshape(len(found), 2, 2, 3, len(q))
+    return wrenches, (to_clamp @ velocities).reshape(len(found), 12, len(q))
+
+
+def _frames(q: np.ndarray) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) of unit quaternions x y z w (..., 4)."""
+    v, w = q[..., :3], q[..., 3, None, None]
+    cross = np.cross(np.eye(3), v[..., None, :])
+    return np.eye(3) + 2.0 * (w * cross + cross @ cross)
+
+
+def _bracket(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Lie bracket (6,) of two twists (linear, angular)."""
+    return np.concatenate([np.cross(a[3:], b[:3]) + np.cross(a[:3], b[3:]), np.cross(a[3:], b[3:])])
