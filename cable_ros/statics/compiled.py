@@ -113,20 +113,77 @@ def saddle_step(g, c, C, order, L, pivots, Y, S, s, dF):
 
 
 @njit(**OPTIONS)
-def end_coupling(elastic, geometric, C, theta, g, c):
-    """Add to g (3n,) and c (3,) what turning the end section by theta (3,) does to them."""
+def border_factor(elastic, geometric, mu, order, A, U, pivots, V, delta, rows, equalities, Y, S):
+    """`factor` with more borders: form their Schur complement S; whether the whole is a strict minimum.
+
+    With H' = H + mu D + sum v v^T / delta over the rows of V beyond the equalities, the bordered matrix has as many
+    negative eigenvalues as there are equalities and positive deltas exactly where H' is positive on the equalities'
+    tangent space.
+    """
+    n = elastic.shape[0]
+    for i in range(n):
+        for j in range(A.shape[1]):
+            A[i, j] = (1.0 + mu) * elastic[i, j] + geometric[i, j]
+    negative, worst = banded.factor(A, 3, n - 3, order, U, pivots)
+    expected = equalities
+    for a in range(rows):
+        for i in range(n):
+            Y[a, i] = V[a, i] if 3 <= i < n - 3 else 0.0
+        banded.solve(U, pivots, 3, n - 3, order, Y[a])
+    for a in range(rows):
+        for b in range(a + 1):
+            s = 0.0
+            for i in range(3, n - 3):
+                s += V[a, i] * Y[b, i]
+            S[a, b] = s
+            S[b, a] = s
+        S[a, a] += delta[a]
+        if a >= equalities and delta[a] > 0.0:
+            expected += 1
+    positive = 0
+    for v in np.linalg.eigvalsh(S[:rows, :rows]):
+        if v > 0.0:
+            positive += 1
+    return worst > 1e-11 and negative + positive == expected
+
+
+@njit(**OPTIONS)
+def border_step(g, c, V, rows, order, U, pivots, Y, S, s, y):
+    """s (3n,), y (rows,) with H s - V^T y = -g, V s + delta y = -c; s = 0 at the ends."""
+    n = s.shape[0]
+    for i in range(n):
+        s[i] = -g[i] if 3 <= i < n - 3 else 0.0
+    banded.solve(U, pivots, 3, n - 3, order, s)
+    b = np.empty(rows)
+    for a in range(rows):
+        v = -c[a]
+        for i in range(3, n - 3):
+            v -= V[a, i] * s[i]
+        b[a] = v
+    if rows == 3:
+        solve3(S, b, y)
+    else:
+        y[:rows] = np.linalg.solve(S[:rows, :rows], b)
+    for a in range(rows):
+        for i in range(3, n - 3):
+            s[i] += Y[a, i] * y[a]
+
+
+@njit(**OPTIONS)
+def end_coupling(elastic, geometric, V, rows, theta, g, c):
+    """Add to g (3n,) and c (rows,) what turning the end section by theta (3,) does to them."""
     n, band = elastic.shape[0], elastic.shape[1] - 1
     for k in range(3):
         row = n - 3 + k
         for j in range(row - band, n - 3):
             at = band + j - row
             g[j] += (elastic[row, at] + geometric[row, at]) * theta[k]
-        for a in range(3):
-            c[a] += C[a, row] * theta[k]
+        for a in range(rows):
+            c[a] += V[a, row] * theta[k]
 
 
 @njit(**OPTIONS)
-def end_rows(elastic, geometric, C, s, dF):
+def end_rows(elastic, geometric, V, rows, s, dF):
     """What the step (s, dF), s = 0 at the end, adds to the gradient at the end node: (3,)."""
     n, band = elastic.shape[0], elastic.shape[1] - 1
     out = np.zeros(3)
@@ -135,8 +192,8 @@ def end_rows(elastic, geometric, C, s, dF):
         for j in range(row - band, n - 3):
             at = band + j - row
             out[k] += (elastic[row, at] + geometric[row, at]) * s[j]
-        for a in range(3):
-            out[k] -= C[a, row] * dF[a]
+        for a in range(rows):
+            out[k] -= V[a, row] * dF[a]
     return out
 
 
@@ -167,7 +224,7 @@ def advance(
     gradient(q, spread(F, h), f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, totals)
     for a in range(3):
         c[a] = totals[a] - re[a]
-    end_coupling(elastic, geometric, C, theta, gv, c)
+    end_coupling(elastic, geometric, C, 3, theta, gv, c)
     saddle_step(gv, c, C, order, L, pivots, Y, S, s, dF)
     for k in range(3):
         s[n - 3 + k] = theta[k]
@@ -257,7 +314,7 @@ def wrenches(F, f, qe, g, force, moment, end_wrench, start_wrench):
 
 
 @njit(**OPTIONS)
-def margin(elastic, C, order, L, pivots, Y, S, mode, repeats):
+def margin(elastic, V, rows, order, L, pivots, Y, S, mode, repeats):
     """Smallest eigenvalue of H v = lambda D v on the tangent space, D the elastic stiffness, by inverse iteration.
 
     `mode` (3n,) is the start and receives the eigenvector; ends when the value changes by less than 1e-4 of itself.
@@ -266,14 +323,14 @@ def margin(elastic, C, order, L, pivots, Y, S, mode, repeats):
     n = mode.shape[0]
     x = np.empty(n)
     y = np.empty(n)
-    zero = np.zeros(3)
-    dF = np.empty(3)
+    zero = np.zeros(rows)
+    dF = np.empty(rows)
     value = np.inf
     for _ in range(repeats):
         banded.multiply(elastic, mode, y)
         for i in range(n):
             y[i] = -y[i]
-        saddle_step(y, zero, C, order, L, pivots, Y, S, x, dF)
+        border_step(y, zero, V, rows, order, L, pivots, Y, S, x, dF)
         top = 0.0
         for i in range(n):
             top -= x[i] * y[i]
@@ -292,14 +349,14 @@ def margin(elastic, C, order, L, pivots, Y, S, mode, repeats):
 
 @njit(**OPTIONS)
 def error(
-    q, F, qe, re, f, K, kappa0, h, s0, fine, bubble,
-    elastic, geometric, C, L, pivots, Y, S, g, shares,
+    q, Fe, re, f, K, kappa0, h, s0, fine, bubble,
+    elastic, geometric, V, rows, L, pivots, Y, S, g, residual, shares,
 ):  # fmt: skip
     """First-order change (6,) of end force and end moment when every element gets one order more.
 
     The enriched space adds one polynomial an element (`bubble`: its values and slopes at the points of `fine`),
     which is eliminated there; the rest is one solve with the factors at hand. `g` (n, 3) is the solution's own
-    gradient. `shares` (elements,) receives each element's part in energy norm squared, for refinement.
+    gradient, `Fe` as in `gradient`, `residual` (3n,) comes with what point forces inside elements pull. `shares` (elements,) receives each element's part in energy norm squared, for refinement.
     """
     N, dN, N3, dN3, points, weights = fine
     order = N.shape[1] - 1
@@ -307,7 +364,6 @@ def error(
     n = 3 * q.shape[0]
     kappa, moment, t, G = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     qs, ds, gq, gd = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    residual = np.zeros(n)
     D = np.empty((8, nd))
     Db = np.empty((8, 3))
     frame = np.empty((4, nd))
@@ -320,7 +376,9 @@ def error(
     Cb = np.zeros((3, 3))
     rb = np.empty(3)
     x = np.empty(3)
-    c = -re
+    c = np.zeros(rows)
+    for a in range(3):
+        c[a] = -re[a]
     for e in range(h.shape[0]):
         first = e * order
         for i in range(order + 1):
@@ -354,7 +412,7 @@ def error(
                     Db[4 + a, b] = bubble[1, k] / h[e] * middle[a, b]
             rest = 1.0 - s0[e] - h[e] * points[k]
             for a in range(3):
-                G[a] = F[a] + rest * f[a]
+                G[a] = Fe[e, a] + rest * f[a]
             norm, T, mk = section(qs, ds, K, kappa0, G, kappa, moment, t, gq, gd)
             wh = weights[k] * h[e]
             second(qs, ds, K, G, kappa, moment, gq, gd, norm, T, mk, wh, k8, H)
@@ -396,9 +454,9 @@ def error(
             for a in range(3):
                 c[a] -= Cb[a, b] * x[b]
     s = np.empty(n)
-    dF = np.empty(3)
-    saddle_step(residual, c, C, order, L, pivots, Y, S, s, dF)
-    change = end_rows(elastic, geometric, C, s, dF)
+    dF = np.empty(rows)
+    border_step(residual, c, V, rows, order, L, pivots, Y, S, s, dF)
+    change = end_rows(elastic, geometric, V, rows, s, dF)
     out = np.empty(6)
     for a in range(3):
         out[a] = dF[a]

@@ -14,11 +14,12 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 @njit(**OPTIONS)
 def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order, L, pivots, Y, S, g):
-    """Derivative (12, 12) of the wrenches of both clamps on the cable by the clamps' motions, in units of the cable.
+    """Derivative (12, 12) of both clamps' wrenches on the cable by the clamps' motions, in units of the cable.
 
-    Rows: force and moment at the start, then at the end, each in its clamp's frame. Columns: translation along and
-    rotation about the start clamp's own axes, then the end clamp's. Needs the factors at the equilibrium itself and
-    its gradient `g` (n, 3). The load `f` is fixed in the world: it turns against a start clamp that turns.
+    Rows: force and moment at the start, then at the end, each in its clamp's frame. Columns: translation
+    along and rotation about the start clamp's own axes, then the end clamp's. Needs the factors at the
+    equilibrium itself and its gradient `g` (n, 3). The load `f` is fixed in the world: it turns against a
+    start clamp that turns.
     """
     N, dN, _, _, points, weights = tables
     nodes = q.shape[0]
@@ -40,14 +41,15 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
             c[:] = -quaternion.rotate(qe, unit)
         elif k < 6:
             theta[:] = unit
-            end_coupling(elastic, geometric, C, theta, right, c)
+            end_coupling(elastic, geometric, C, 3, theta, right, c)
         else:
-            # the gradient is linear in the load: that of a cable without stiffness and end force is its derivative
+            # the gradient is linear in the load: that of a cable without stiffness and end force is its
+            # derivative
             pull = np.zeros((nodes, 4))
             gradient(q, np.zeros((h.shape[0], 3)), unit, nothing, nothing, h, s0, N, dN, points, weights, pull, load, radial, totals)
             right[:] = load.ravel()
         saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
-        moment = end_rows(elastic, geometric, C, s, dF)
+        moment = end_rows(elastic, geometric, C, 3, s, dF)
         for i in range(3):
             moment[i] += right[n - 3 + i]
             for j in range(3):

@@ -145,7 +145,7 @@ class Rod:
         """
         if not self.mode.any():
             self.mode[3:-3] = np.random.default_rng(0).normal(size=len(self.mode) - 6)
-        return compiled.margin(self.elastic, self.C, self.mesh.element.order, self.L, self.pivots,
+        return compiled.margin(self.elastic, self.C, 3, self.mesh.element.order, self.L, self.pivots,
                                self.Y, self.S, self.mode, 50)  # fmt: skip
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
@@ -157,9 +157,9 @@ class Rod:
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Estimated error (6,) of end force and end moment, in units of the cable; see `compiled.error`."""
-        return compiled.error(q, F, self.qe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine,
-                              self.bubble, self.elastic, self.geometric, self.C, self.L, self.pivots,
-                              self.Y, self.S, self.g, self.shares)  # fmt: skip
+        return compiled.error(q, compiled.spread(F, self.h), self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine,
+                              self.bubble, self.elastic, self.geometric, self.C, 3, self.L, self.pivots,
+                              self.Y, self.S, self.g, np.zeros(self.g.size), self.shares)  # fmt: skip
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """The larger of the force's and the moment's estimated errors, each relative to its own size.
