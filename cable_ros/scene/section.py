@@ -103,7 +103,7 @@ class Section:
         return word
 
     def table(self, name: str, remedy: str, columns: Sequence[Size]) -> np.ndarray:
-        """(n, len(columns)) numbers in two rows or more, each within its column's size, the first ones rising."""
+        """(n, len(columns)) numbers in two rows or more, each within its size, the first ones rising."""
         rows = self.items(name, remedy)
         if len(rows) < 2:
             self.fail(f"one row is not enough; give {remedy}", name)
