@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from cable_ros.log.history import History, Trace
+    from cable_ros.log.history import History
     from cable_ros.plots import Abscissa, Shape
 
 EXAMPLE = """example:
@@ -22,7 +21,6 @@ Writes STEM_shapes.png, the cables' shapes in the XOZ, YOZ and XOY planes, and S
 cables exert on their links at the end clamps, both against the joint that moves most (else the time)."""
 
 LEAST_MOTION = 1e-6  # rad or m; a joint that moves less stands still
-MOST_UNANSWERED = 5
 SHAPES = 7
 
 
@@ -57,17 +55,13 @@ def draw(log: Path, out: Path) -> list[Path]:
     kinds = moving_joints(log) or dict.fromkeys(history.joint_names, "revolute")
     name = leading_joint(history, kinds)
     abscissa = Abscissa.of_joint(name, kinds[name] != "prismatic") if name else Abscissa.of_time()
-    wrenches = {}
-    for cable, trace in history.end_wrenches.items():
-        whole = with_gaps(trace, history.joints.times)
-        wrenches[cable] = abscissa_values(history, name, whole.times), whole.values
+    values = abscissa_values(history, name)
     pictures = []
-    if shapes := list(chosen_shapes(log, history, name, abscissa)):
-        figure = shapes_figure(
-            shapes, f"Shape of {', '.join(history.polyline_times)}, world axes", name or ""
-        )
+    if shapes := list(chosen_shapes(log, history, values, abscissa)):
+        figure = shapes_figure(shapes, f"Shape of {', '.join(history.polylines)}, world axes", name or "")
         pictures.append(save(figure, out / f"{log.stem}_shapes.png"))
-    pictures.append(save(wrench_figure(abscissa, wrenches), out / f"{log.stem}_end_wrench.png"))
+    figure = wrench_figure(abscissa, {name: (values, rows) for name, rows in history.end_wrenches.items()})
+    pictures.append(save(figure, out / f"{log.stem}_end_wrench.png"))
     return pictures
 
 
@@ -94,44 +88,33 @@ def moving_joints(log: Path) -> dict[str, str]:
 def leading_joint(history: History, candidates: Collection[str]) -> str | None:
     """The candidate with the widest range of motion; None where all stand still."""
     ranges = {
-        name: np.ptp(values[np.isfinite(values)])
-        for name, values in zip(history.joint_names, history.joints.values.T, strict=True)
+        name: float(np.ptp(values[np.isfinite(values)]))
+        for name, values in zip(history.joint_names, history.joints.T, strict=True)
         if name in candidates and np.isfinite(values).any()
     }
-    name = max(ranges, key=lambda key: float(ranges[key]), default=None)
+    name = max(ranges, key=lambda key: ranges[key], default=None)
     return name if name is not None and ranges[name] > LEAST_MOTION else None
 
 
-def abscissa_values(history: History, name: str | None, times: np.ndarray) -> np.ndarray:
-    """(m,) positions of the joint, or seconds since the log's first wrench, at log times (m,)."""
+def abscissa_values(history: History, name: str | None) -> np.ndarray:
+    """(m,) positions of the joint, or seconds since the first solve."""
     if name is not None:
-        return history.joints.at(times)[:, history.joint_names.index(name)]
-    begin = min(trace.times[0] for trace in history.end_wrenches.values())
-    return (times - begin) * 1e-9
+        return history.joints[:, history.joint_names.index(name)]
+    return (history.times - history.times[0]) * 1e-9
 
 
-def with_gaps(trace: Trace, asked: np.ndarray) -> Trace:
-    """The trace with NaN where more than MOST_UNANSWERED joint states in a row had no answer."""
-    steps = np.diff(np.searchsorted(asked, trace.times))
-    if not len(steps):
-        return trace
-    gaps = np.flatnonzero(steps > MOST_UNANSWERED * max(1, np.median(steps))) + 1
-    return dataclasses.replace(
-        trace,
-        times=np.insert(trace.times, gaps, trace.times[gaps]),
-        values=np.insert(trace.values, gaps, np.nan, axis=0),
-    )
-
-
-def chosen_shapes(log: Path, history: History, name: str | None, abscissa: Abscissa) -> Iterator[Shape]:
+def chosen_shapes(log: Path, history: History, values: np.ndarray, abscissa: Abscissa) -> Iterator[Shape]:
     """Each cable's polylines at round values of the joint, or the last one where nothing moves."""
     from cable_ros.log.history import read_polyline
     from cable_ros.plots import Shape, round_values
 
-    for cable, times in history.polyline_times.items():
-        values = abscissa_values(history, name, times) * abscissa.scale
-        wanted = round_values(np.nanmin(values), np.nanmax(values), SHAPES) if name else values[-1:]
-        for value in wanted:
-            index = int(np.nanargmin(np.abs(values - value)))
-            label = abscissa.text(round(float(values[index]), 1 if abscissa.unit == "deg" else 3))
-            yield Shape(cable, label, read_polyline(log, cable, int(times[index])), float(values[index]))
+    for cable, solves in history.polylines.items():
+        if not len(solves):
+            continue
+        drawn = values[solves] * abscissa.scale
+        moves = abscissa.unit != "s"
+        for value in round_values(np.nanmin(drawn), np.nanmax(drawn), SHAPES) if moves else drawn[-1:]:
+            index = int(np.nanargmin(np.abs(drawn - value)))
+            label = abscissa.text(round(float(drawn[index]), 1 if abscissa.unit == "deg" else 3))
+            points = read_polyline(log, cable, int(history.times[solves[index]]))
+            yield Shape(cable, label, points, float(drawn[index]))

@@ -38,12 +38,12 @@ def test_demo_writes_a_log_and_two_pictures(tmp_path, capsys):
         assert [line.partition(":")[0] for line in lines] == [str(out / name) for name in written]
         assert sorted(path.name for path in out.iterdir()) == sorted(written)
     history = read_history(out / "space_arm.mcap")
-    angles = history.joints.values[:, history.joint_names.index("orientation")]
+    angles = history.joints[:, history.joint_names.index("orientation")]
     assert np.array_equal(angles, np.radians(np.arange(-90, 90.01, 0.5)))
-    trace = history.end_wrenches["camera_cable"]
-    assert np.array_equal(trace.times, history.joints.times)  # each joint state is answered
+    wrenches = history.end_wrenches["camera_cable"]
+    assert np.isfinite(wrenches).all()  # each joint state is answered
     zero = Tracker(ARM).solve({"orientation": 0.0})["camera_cable"].end_wrench
-    logged = trace.values[np.argmin(np.abs(angles))]
+    logged = wrenches[np.argmin(np.abs(angles))]
     # Both are within the default tolerance of 1e-4 of the truth.
     assert logged == pytest.approx(zero, rel=0, abs=2e-4 * np.linalg.norm(zero[:3]))
 

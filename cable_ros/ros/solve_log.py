@@ -1,0 +1,94 @@
+"""Solves as a log like the node's: for Foxglove, `ros2 bag play`, `cable plot` and `cable replay`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from cable_ros.log.cdr import JOINT_STATE
+from cable_ros.log.errors import LogError
+from cable_ros.log.events import encode_solved_joints
+from cable_ros.log.host import host_facts
+from cable_ros.log.reader import SCENE, URDF
+from cable_ros.log.run import CLAMPS, PATH, WRENCH
+from cable_ros.log.writer import LogWriter
+from cable_ros.ros.frames import world_frame
+from cable_ros.ros.messages import PathMessage, WrenchMessage
+from cable_ros.scene import Scene
+
+NODE = "/cable_node"
+
+
+class SolveLog:
+    """Writes joint states and the answers to them under the topic names of a node called cable_node.
+
+    Args:
+        path: the new file.
+        scene: under which was solved; goes into the log with its URDF.
+        attachments: file name -> text, beside those.
+        metadata: record name -> entries, beside what is said about this machine.
+
+    Raises:
+        LogError: the file exists or cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: FilePath,
+        scene: Scene,
+        attachments: Mapping[str, str] | None = None,
+        metadata: Mapping[str, Mapping[str, str]] | None = None,
+    ) -> None:
+        texts = {SCENE: scene.text} | ({URDF: scene.robot.urdf} if scene.robot else {})
+        self._writer = LogWriter(
+            path,
+            attachments=texts | dict(attachments or {}),
+            metadata={"host": host_facts()} | dict(metadata or {}),
+            max_bytes=0,
+        )
+        self._frame = world_frame(scene.robot)
+        self._wrenches = {
+            (cable.name, clamp): WrenchMessage(f"{cable.name}_{clamp}")
+            for cable in scene.cables
+            for clamp in CLAMPS
+        }
+        self._path: PathMessage | None = None
+
+    def joint_state(self, names: Sequence[str], positions: Any, stamp: int, log_time: int) -> None:
+        """One pose; times in ns. What answers it comes next and has the same times."""
+        message = encode_solved_joints(tuple(names), positions, stamp)
+        self._writer.put("/joint_states", JOINT_STATE, message, log_time)
+
+    def wrenches(self, cable: str, end: np.ndarray, start: np.ndarray, stamp: int, log_time: int) -> None:
+        """A cable's end and start wrench (6,)."""
+        for clamp, wrench in (("end", end), ("start", start)):
+            message = self._wrenches[cable, clamp].fill(stamp, wrench)
+            self._writer.put(f"{NODE}/{cable}/{clamp}_wrench", WRENCH, message, log_time)
+
+    def polyline(
+        self, cable: str, points: np.ndarray, orientations: np.ndarray, stamp: int, log_time: int
+    ) -> None:
+        """A cable's points (n, 3) and section frames (n, 4), x y z w."""
+        if self._path is None or self._path.count != len(points):
+            self._path = PathMessage(self._frame, len(points))
+        message = self._path.fill(stamp, points, orientations)
+        self._writer.put(f"{NODE}/{cable}/polyline", PATH, message, log_time)
+
+    def close(self) -> None:
+        """Finish the file.
+
+        Raises:
+            LogError: it could not be written whole.
+        """
+        self._writer.close()
+        if self._writer.error:
+            raise LogError(self._writer.error)
+
+    def __enter__(self) -> SolveLog:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
