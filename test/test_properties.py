@@ -8,6 +8,7 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from zoo_make import ARM
 
 from cable_ros import Status, Tracker, load_scene
 from cable_ros.bench.cases import Case, run_case
@@ -86,8 +87,6 @@ values = st.floats(allow_nan=True, allow_infinity=True) | st.none() | st.text(ma
 @settings(budget, max_examples=15)
 @given(st.lists(st.dictionaries(st.sampled_from(["orientation", "pitch", "x"]), values), max_size=6))
 def test_no_joint_state_raises_or_publishes_nonsense(path: list[dict]) -> None:
-    from zoo import ARM
-
     tracker = Tracker(load_scene(ARM))
     for joints in [*path, {"orientation": 0.2}]:
         (found,) = tracker.solve(joints).values()

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+from zoo_make import ARM
 
 from cable_ros.bench.cases import Step, relative_difference
 from cable_ros.scene import load_scene
@@ -112,8 +113,6 @@ def snaps(at_least: int, at_most: int = 1000) -> Check:
 
 def as_small(steps: list[Step]) -> str | None:
     """Every pose of the arm has the wrench that a tracker finds that walks there in steps of 2 degrees."""
-    from zoo import ARM
-
     small = Tracker(load_scene(ARM))
     angles = [_arm_angle(step) for step in steps]
     at = angles[0]

@@ -13,20 +13,23 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cable_ros.baselines import bvp, published
-from cable_ros.baselines.result import BaselineResult, ClampedCable
-from cable_ros.bench.cases import Case, case_scene, rods
+from cable_ros.baselines.result import BaselineResult, ClampedCable, from_equilibrium
+from cable_ros.bench.cases import Case, run_case
 from cable_ros.bench.verification import Rod, refine
-from cable_ros.scene.kinematics import Kinematics
+from cable_ros.equilibrium import Equilibrium
 
 LIMIT = 10.0
 """A baseline's solve is given up after this, s."""
 PARTS = 80
 """Parts of the published method; its error falls with the first power at best."""
-METHODS: dict[str, tuple[float, Callable[[ClampedCable], BaselineResult]]] = {
-    "solve_bvp": (1e-4, lambda cable: bvp.solve_cold(cable, tolerance=1e-6)),
-    "published": (0.1, lambda cable: published.solve(cable, PARTS)),
+Solve = Callable[[ClampedCable, BaselineResult], BaselineResult]
+METHODS: dict[str, tuple[float, Solve]] = {
+    "solve_bvp": (1e-4, lambda cable, _: bvp.solve_cold(cable, tolerance=1e-6)),
+    "published": (0.1, lambda cable, _: published.solve(cable, PARTS)),
+    "published, from our answer": (0.1, lambda cable, ours: published.solve(cable, PARTS, ours)),
 }
-"""By name: the wrench error up to which an answer counts, and the cold solve."""
+"""By name: the wrench error up to which an answer counts, and the solve: cold but for the last one, which
+shows what the published equations reach when they are handed the solution."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +50,14 @@ class Attempt:
         return f"{self.error:.0e}, {1e3 * self.seconds:.0f} ms" if self.verified else self.why
 
 
-def attempt(name: str, rod: Rod) -> Attempt:
-    """Solve cold and verify; on the main thread, as the time limit is an alarm."""
+def attempt(name: str, rod: Rod, ours: Equilibrium) -> Attempt:
+    """Solve and verify; on the main thread, as the time limit is an alarm."""
     bound, solve = METHODS[name]
     cable = ClampedCable(rod.length, rod.stiffness, rod.weight, rod.start, rod.end)
     began = time.perf_counter()
     try:
         with _limit(LIMIT), np.errstate(all="ignore"):
-            result = solve(cable)
+            result = solve(cable, from_equilibrium(ours, cable))
     except TimeoutError:
         return Attempt(False, np.inf, LIMIT, f"over {LIMIT:g} s")
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -78,23 +81,17 @@ def compare(cases: list[Case]) -> str:
     lines = [f"baselines on {len(cases)} of the cold cases"]
     attempts: dict[str, list[Attempt]] = {name: [] for name in METHODS}
     for case in tqdm(cases, desc="baselines", leave=False, disable=None):
-        rod = last_rod(case)
-        for name in METHODS:
-            attempts[name].append(attempt(name, rod))
+        for step in run_case(case).steps[-1:]:
+            for name in METHODS:
+                attempts[name].append(attempt(name, step.rod, step.equilibrium))
     for name, tries in attempts.items():
         share = np.mean([a.verified for a in tries])
         median = np.median([a.seconds for a in tries])
         lines.append(
-            f"  {name:10s} within {METHODS[name][0]:g} and stable: {100 * share:.1f} %, "
+            f"  {name:26s} within {METHODS[name][0]:g} and stable: {100 * share:.1f} %, "
             f"median {1e3 * median:.0f} ms, most {max(a.seconds for a in tries):.1f} s"
         )
     return "\n".join(lines)
-
-
-def last_rod(case: Case) -> Rod:
-    """The first cable at the case's last pose."""
-    scene = case_scene(case)
-    return next(iter(rods(scene, Kinematics(scene), case.path[-1]).values()))
 
 
 @contextmanager

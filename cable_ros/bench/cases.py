@@ -21,6 +21,8 @@ from cable_ros.solve.status import Status
 from cable_ros.tracker import Tracker
 
 Pose = Mapping[str, float]
+START_FACTOR = 5.0
+"""The tolerance is the end wrench's; the start's own, which may be much smaller, may be this much worse."""
 TRUSTED = (Status.CONVERGED, Status.SNAPPED)
 
 
@@ -127,7 +129,9 @@ def judge(rod: Rod, equilibrium: Equilibrium, tolerance: float) -> tuple[Verific
     if not found.converged:
         return found, "no equilibrium found beside the answer"
     if found.wrench_error > tolerance:
-        return found, f"wrench off by {found.wrench_error:.1e}, asked for {tolerance:.0e}"
+        return found, f"end wrench off by {found.wrench_error:.1e}, asked for {tolerance:.0e}"
+    if found.start_wrench_error > START_FACTOR * tolerance:
+        return found, f"start wrench off by {found.start_wrench_error:.1e}, asked for {tolerance:.0e}"
     if not found.stable:
         return found, f"not a minimum, but published as one (margin {equilibrium.stability_margin:.1e})"
     return found, None

@@ -68,8 +68,10 @@ class Verification:
     stable: bool
     """Whether it is a strict minimum (no conjugate point)."""
     wrench_error: float
-    """Difference of the claimed wrenches, the worse of both ends, relative to the true one; moments
-    are divided by the length so that forces and moments count in the same unit."""
+    """Difference of the claimed end wrench from the true one, relative; moments are divided by the
+    length so that forces and moments count in the same unit."""
+    start_wrench_error: float
+    """The same at the start clamp."""
     shape_error: float
     """Largest distance between claimed and true centreline, relative to the length."""
     end_wrench: np.ndarray
@@ -162,7 +164,8 @@ def refine(
     return Verification(
         converged=True,
         stable=_no_conjugate_point(maps),
-        wrench_error=float(max(errors)),
+        wrench_error=float(errors[1]),
+        start_wrench_error=float(errors[0]),
         shape_error=_distance(points, orientations, shape, rod.length),
         end_wrench=true_end,
         start_wrench=true_start,
@@ -173,7 +176,7 @@ def refine(
 
 def _failed(iterations: int) -> Verification:
     nan = np.full(6, np.nan)
-    return Verification(False, False, np.inf, np.inf, nan, nan, iterations, None)
+    return Verification(False, False, np.inf, np.inf, np.inf, nan, nan, iterations, None)
 
 
 def _resample(

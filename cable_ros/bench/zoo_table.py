@@ -77,9 +77,9 @@ def row(outcome: Outcome, baselines: bool) -> list[str]:
     iterations = max((step.equilibrium.iterations for step in steps), default=0)
     ms = [1e3 * step.seconds for step in steps] or [math.nan]
     time = f"{ms[0]:.1f}" if len(ms) == 1 else f"{np.median(ms):.2f}, most {max(ms):.0f}"
+    compared = baselines and case.baselines and bool(steps) and steps[-1].equilibrium.status.trusted
     others = [
-        attempt(name, steps[-1].rod).cell if baselines and case.baselines and steps else ""
-        for name in METHODS
+        attempt(name, steps[-1].rod, steps[-1].equilibrium).cell if compared else "" for name in METHODS
     ]
     return [
         case.name,

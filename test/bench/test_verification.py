@@ -46,6 +46,7 @@ def test_finds_closed_forms_and_measures_a_wrong_wrench(name: str) -> None:
     assert exact.stable
     # Pieces are integrated to about 1e-11; the claim's shape comes from an integration at 1e-12.
     assert exact.wrench_error < 1e-8
+    assert exact.start_wrench_error < 1e-8
     assert exact.shape_error < 1e-8
     off = check(CLOSED[name], noise=1e-3)
     assert off.wrench_error == pytest.approx(1e-3, rel=1e-4)
