@@ -36,7 +36,7 @@ setup(
     extras_require={
         "ros": ROS_JAZZY,
         "robot": ["pin"],
-        "plot": ["matplotlib"],
+        "plot": ["matplotlib", "threadpoolctl"],
         "parquet": ["pyarrow"],
         "dev": [
             "pytest>=7.4",
