@@ -14,7 +14,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cable_ros.scene import SceneError, load_scene
+from cable_ros.scene import Plane, SceneError, Sphere, load_scene
 from cable_ros.share import share_file
 
 ARM = share_file("config", "space_arm.yaml")
@@ -60,6 +60,28 @@ def test_arm_is_the_papers() -> None:
     assert arm.path == ARM
     assert arm.robot is not None
     assert arm.robot.path == ARM.with_name("space_arm.urdf")
+
+
+def test_other_shipped_scenes_say_what_they_differ_in() -> None:
+    arm = load_scene(ARM)
+    sphere = load_scene(share_file("config", "space_arm_sphere.yaml"))
+    (ball,) = sphere.obstacles
+    assert isinstance(ball.shape, Sphere)
+    assert (*ball.shape.center, ball.shape.radius, ball.friction) == (0.092, 0.010, -0.095, 0.045, 0.35)
+    assert not ball.cable_radius_counts
+    cold = load_scene(share_file("config", "space_arm_cold.yaml"))
+    for other in (sphere, cold):
+        assert repr(other.cables[0].start) == repr(arm.cables[0].start)
+        np.testing.assert_array_equal(other.cables[0].stiffness, arm.cables[0].stiffness)
+    temperature, dose = cold.cables[0].temperature, cold.cables[0].dose
+    assert temperature is not None and dose is not None
+    # Between -100 and -50 degC: three fifths of the way from 1.8 to 3.2; a fifth of the way from 1.0 to 1.25.
+    np.testing.assert_allclose(temperature.factors(-80.0), [2.64, 2.64, 2.36])
+    np.testing.assert_allclose(dose.factors(2.0e5), [1.05, 1.05, 1.04])
+    draped = load_scene(share_file("config", "draped.yaml"))
+    assert isinstance(draped.obstacles[0].shape, Plane)
+    # What touches the ground lies on it at the start clamp.
+    assert draped.cables[0].start.position[2] == draped.cables[0].radius
 
 
 def test_scene_is_frozen_down_to_its_arrays() -> None:
