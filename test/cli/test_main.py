@@ -106,7 +106,12 @@ def test_interrupt_is_quiet(fake_command, capsys):
         return 0
 
     fake_command(run)
-    assert frame.main(["fake"]) == 130
+    # A shell that starts us in the background has SIGINT ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert frame.main(["fake"]) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert capsys.readouterr().err == "cable: interrupted\n"
 
 
