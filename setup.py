@@ -36,7 +36,7 @@ setup(
     extras_require={
         "ros": ROS_JAZZY,
         "robot": ["pin"],
-        "plot": ["matplotlib", "threadpoolctl"],
+        "plot": ["matplotlib"],
         "parquet": ["pyarrow"],
         "dev": [
             "pytest>=7.4",

@@ -75,6 +75,7 @@ class _Problem:
     """The scaled equations, their Jacobians and the way back to SI."""
 
     def __init__(self, cable: ClampedCable, guess: BaselineResult) -> None:
+        self.guess = guess
         self.length, self.start, self.end = cable.length, cable.start, cable.end
         self.moment_unit = cable.stiffness[0] / cable.length
         self.force_unit = self.moment_unit / cable.length
@@ -197,8 +198,16 @@ class _Problem:
         return by_first, by_last, np.zeros((13, 3))
 
     def result(self, solution) -> BaselineResult:  # type: ignore[no-untyped-def]  # scipy's Bunch has no public type
-        """Back to SI."""
+        """Back to SI; the guess, with no wrench, where solve_bvp failed."""
         quaternions = solution.y[3:7].T
+        if not (solution.success and np.all(np.linalg.norm(quaternions, axis=1) > 0)):
+            return replace(
+                self.guess,
+                end_wrench=np.full(6, np.nan),
+                iterations=solution.niter,
+                converged=False,
+                message=solution.message,
+            )
         section = Rotation.from_quat(quaternions)
         force = self._force(solution.x, solution.p).T * self.force_unit
         moment = section.apply(solution.y[7:].T) * self.moment_unit
@@ -210,7 +219,7 @@ class _Problem:
             force=force,
             moment=moment,
             iterations=solution.niter,
-            converged=bool(solution.success),
+            converged=True,
             message=solution.message,
         )
 

@@ -44,7 +44,7 @@ class Method(Protocol):
 
     name: str
     setting: float
-    """Tolerance, or parts."""
+    """Tolerance, or number of parts."""
 
     def settle(self, pose: Pose) -> None:
         """Come to rest at the first pose of a path, which has its reference; not timed."""
@@ -112,11 +112,13 @@ class SolveBvp:
 
 
 class Published:
-    """The published finite differences; cold from the paper's vector of ones, or from our equilibrium for nothing."""
+    """The published finite differences; cold from the paper's vector of ones, or from our equilibrium for
+    nothing.
+    """
 
     def __init__(self, parts: int, from_ones: bool = True) -> None:
         self.name = "published method" if from_ones else "published method, our start"
-        self.setting = parts
+        self.parts, self.setting = parts, float(parts)
         self._from_ones = from_ones
         # the error of the differences is per cents: a warm start may stop at a thousandth
         self._options = published.GaussNewton(step_tolerance=1e-3)
@@ -126,7 +128,7 @@ class Published:
         assert pose.reference is not None
         careful = published.GaussNewton(step_tolerance=1e-6)
         self._last = [
-            published.solve(cable, int(self.setting), guess, careful)
+            published.solve(cable, self.parts, guess, careful)
             for cable, guess in zip(pose.cables, pose.reference, strict=True)
         ]
 
@@ -144,7 +146,7 @@ class Published:
 
     def _solve(self, pose: Pose, guesses: Sequence[BaselineResult | None]) -> list[BaselineResult]:
         return [
-            published.solve(cable, int(self.setting), guess, self._options)
+            published.solve(cable, self.parts, guess, self._options)
             for cable, guess in zip(pose.cables, guesses, strict=True)
         ]
 

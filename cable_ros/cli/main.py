@@ -17,7 +17,6 @@ INTERRUPTED = 130  # 128 + SIGINT, and the like for SIGPIPE: what a shell report
 BROKEN_PIPE = 141
 EXTRAS = {
     "matplotlib": "plot",
-    "threadpoolctl": "plot",
     "pyarrow": "parquet",
     "rclpy": "ros",
     "sensor_msgs": "ros",

@@ -1,0 +1,176 @@
+"""The work-precision diagram and what the default tolerance costs, as one picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from cable_ros.bench.precision import Row
+from cable_ros.plots import STYLE
+
+COLOURS = {
+    "cable_ros": "#0072B2",
+    "solve_bvp": "#D98C00",
+    "published method, our start": "#AAAAAA",
+    "published method": "#555555",
+}
+NAMES = {
+    "cable_ros": "cable_ros\nby tolerance",
+    "solve_bvp": "scipy solve_bvp\nby tolerance",
+    "published method": "published method\nby number of parts",
+    "published method, our start": "published method\nstarted at our result",
+}
+APART = np.array([0.35, 0.45])
+"""Labels nearer than this to the last one, in decades of time and of error, are left out."""
+
+
+def figure(rows: Sequence[Row], title: str, facts: Mapping[str, str]) -> Figure:
+    """Warm and cold diagrams above; effects, weight, joint step and number of cables below."""
+    with mpl.rc_context(STYLE):
+        picture = Figure(figsize=(13.0, 9.6), layout="constrained")
+        picture.suptitle(title, x=0.01, ha="left", fontsize=13, fontweight="bold")
+        halves: Any = picture.subfigures(2, 1, height_ratios=[1.5, 1.0], hspace=0.03)
+        warm, cold = halves[0].subplots(1, 2, sharey=True)
+        _diagram(warm, rows, "warm", "Warm: each pose from the one before")
+        _diagram(cold, rows, "cold", "Cold: each pose from nothing")
+        warm.set_ylabel("relative error of the end wrench, worst pose")
+        effects, gravity, steps, cables = halves[1].subplots(1, 4)
+        _bars(effects, [row for row in rows if row.panel == "effect"])
+        _curves(gravity, rows, "gravity", "weight w L³/EI", "Weight")
+        _curves(steps, rows, "step", "joint step (deg)", "Joint step", math.degrees(1.0))
+        _curves(cables, rows, "cables", "cables in the scene", "Number of cables")
+        about = ", ".join(f"{name} {fact}" for name, fact in facts.items() if name != "references")
+        picture.supxlabel(
+            "Below: cable_ros at its default tolerance of 1e-4, and solve_bvp at 1e-3; warm. Medians of the "
+            f"time per equilibrium, one thread.\nReferences: {facts.get('references', '')}. {about}.",
+            x=0.01,
+            ha="left",
+            fontsize=8.5,
+            color="#666666",
+        )
+    return picture
+
+
+def _diagram(axes: Axes, rows: Sequence[Row], panel: str, title: str) -> None:
+    for method, colour in COLOURS.items():
+        mine = [row for row in rows if row.panel == panel and row.method == method and row.error > 0]
+        if not mine:
+            continue
+        wanders = panel == "cold" and method == "published method"  # from ones: no curve to be seen
+        seconds, errors = [row.seconds for row in mine], [row.error for row in mine]
+        axes.plot(seconds, errors, " " if wanders else "-", marker="o", markersize=5, color=colour)
+        _label_points(axes, mine, colour)
+        first = mine[0]
+        below = method == "published method, our start"
+        axes.annotate(
+            NAMES[method],
+            (mine[-1].seconds, mine[-1].error) if below else (first.seconds, first.error),
+            xytext=(0, -9 if below else 9),
+            textcoords="offset points",
+            ha="center" if not wanders else "left",
+            va="top" if below else "bottom",
+            fontsize=9,
+            fontweight="bold",
+            color=colour,
+        )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_title(title)
+    axes.set_xlabel("median time per equilibrium")
+    low, high = axes.get_xlim()
+    axes.set_xlim(10 ** math.floor(math.log10(low)), 10 ** math.ceil(math.log10(high)))
+    axes.set_ylim(top=1e3)
+    axes.yaxis.set_major_locator(LogLocator(10.0, numticks=8))
+    axes.xaxis.set_major_formatter(FuncFormatter(_seconds))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _label_points(axes: Axes, rows: Sequence[Row], colour: str) -> None:
+    last = np.full(2, np.inf)
+    for row in rows:
+        place = np.log10([row.seconds, row.error])
+        default = row.method == "cable_ros" and math.isclose(row.value, 1e-4)
+        if np.all(np.abs(place - last) < APART) and not default:
+            continue
+        last = place
+        label = f"n = {row.value:g}" if row.value >= 1 else f"1e{math.log10(row.value):.0f}"
+        axes.annotate(
+            f"{label} (default)" if default else label,
+            (row.seconds, row.error),
+            xytext=(7, -3),
+            textcoords="offset points",
+            fontsize=8,
+            color=colour,
+            fontweight="bold" if default else "normal",
+        )
+
+
+def _bars(axes: Axes, rows: Sequence[Row]) -> None:
+    places = np.arange(len(rows))[::-1]
+    axes.set_axisbelow(True)
+    axes.barh(places, [row.seconds * 1e6 for row in rows], height=0.6, color=COLOURS["cable_ros"])
+    for place, row in zip(places, rows, strict=True):
+        axes.annotate(
+            f"{row.seconds * 1e6:.0f} µs",
+            (row.seconds * 1e6, place),
+            xytext=(-4, 0),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            color="white",
+            fontsize=8.5,
+        )
+    axes.set_yticks(places, [row.setting for row in rows])
+    axes.set_ylim(-0.6, max(len(rows), 3) - 0.4)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("time per equilibrium (µs)")
+    axes.set_title("Effects")
+
+
+def _curves(axes: Axes, rows: Sequence[Row], panel: str, label: str, title: str, scale: float = 1.0) -> None:
+    slowest = 0.0
+    for method, colour in COLOURS.items():
+        mine = [row for row in rows if row.panel == panel and row.method == method]
+        if not mine:
+            continue
+        seconds = [row.seconds for row in mine]
+        slowest = max(slowest, *seconds)
+        axes.plot([row.value * scale for row in mine], seconds, "o-", markersize=5, color=colour)
+        if panel == "gravity":
+            axes.annotate(
+                method,
+                (mine[0].value, seconds[0]),
+                xytext=(2, 7),
+                textcoords="offset points",
+                fontsize=9,
+                fontweight="bold",
+                color=colour,
+            )
+    plain = FuncFormatter(lambda value, _: f"{value:g}")
+    if panel == "gravity":
+        axes.set_xscale("symlog", linthresh=1.0, linscale=0.5)
+        axes.set_xticks([0, 1, 1e2, 1e4])
+    elif slowest:
+        axes.set_xscale("log", base=2 if panel == "cables" else 10)
+        axes.xaxis.set_major_formatter(plain)
+    if slowest:
+        axes.set_yscale("log")
+        axes.set_ylim(1e-5, 10 ** math.ceil(math.log10(1.2 * slowest)))
+    axes.yaxis.set_major_formatter(FuncFormatter(_seconds))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel(label)
+    axes.set_title(title)
+
+
+def _seconds(value: float, _position: int = 0) -> str:
+    for size, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+        if value >= 0.999 * size:
+            return f"{value / size:g} {unit}"
+    return f"{value * 1e6:g} µs"
