@@ -74,7 +74,8 @@ def test_other_shipped_scenes_say_what_they_differ_in() -> None:
         assert repr(other.cables[0].start) == repr(arm.cables[0].start)
         np.testing.assert_array_equal(other.cables[0].stiffness, arm.cables[0].stiffness)
     temperature, dose = cold.cables[0].temperature, cold.cables[0].dose
-    assert temperature is not None and dose is not None
+    assert temperature is not None
+    assert dose is not None
     # Between -100 and -50 degC: three fifths of the way from 1.8 to 3.2; a fifth of the way from 1.0 to 1.25.
     np.testing.assert_allclose(temperature.factors(-80.0), [2.64, 2.64, 2.36])
     np.testing.assert_allclose(dose.factors(2.0e5), [1.05, 1.05, 1.04])
