@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
 import time
@@ -11,32 +12,32 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-import rclpy.logging
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logging_directory
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from cable_ros.log import events
-from cable_ros.log.host import host_facts
 from cable_ros.ros import parameters
 from cable_ros.ros.cable_outputs import LATCHED, STREAM
 from cable_ros.ros.cdr import serialise
 from cable_ros.ros.frames import tf_static, tf_static_outlet, world_frame
 from cable_ros.ros.health import Health
+from cable_ros.ros.inlet import Inlet, Message
 from cable_ros.ros.live_scene import LiveScene
 from cable_ros.ros.messages import diagnostics
+from cable_ros.ros.outbox import Outbox
 from cable_ros.ros.parameters import ParameterError
-from cable_ros.ros.recorder import Outlet, Recorder, log_path, type_name
+from cable_ros.ros.recorder import Outlet, log_path, type_name
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.load import load_scene
 from cable_ros.share import share_file
@@ -64,12 +65,10 @@ class CableNode(Node):
         parameters.declare(self)
         self._scene_path = _scene_path(self._value("scene"))
         self._health = Health(self.get_name(), str(self._scene_path))
-        self._recorder = Recorder()
+        self._out = Outbox(self)
         self._live: LiveScene | None = None
         self._urdf: str | None = None
         self._waiting = ""
-        self._sent: list[tuple[Outlet, bytes]] = []
-        self._latched: dict[str, tuple[Outlet, bytes]] = {}
         self._next = {"polylines": 0.0, "markers": 0.0}
         self._reported: tuple[Any, ...] = ()
         self._report_time = 0.0
@@ -85,19 +84,11 @@ class CableNode(Node):
         self._markers = Outlet.create(self, MarkerArray, "~/markers", _MARKERS)
         solved_joints = self.resolve_topic_name(f"~/{events.SOLVED_JOINTS}")
         self._solved_joints = Outlet(solved_joints, type_name(JointState), STREAM, None)
-        self._events = Outlet(self.resolve_topic_name(f"~/{events.EVENTS}"), events.STRING, STREAM, None)
         self._scene_text = Outlet.create(self, String, "~/scene", LATCHED)
         self._tf_static = tf_static_outlet(self)
         self._load()
 
-        self._subscription = self.create_subscription(
-            JointState,
-            topic,
-            self._on_joint_state,
-            _JOINT_STATES,
-            raw=True,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
+        self._inlet = Inlet(self, topic, _JOINT_STATES, self._on_joint_states)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/start_log", self._on_start_log)
         self.create_service(Trigger, "~/stop_log", self._on_stop_log)
@@ -148,9 +139,14 @@ class CableNode(Node):
         self.get_logger().info(
             f"Ready after {seconds:.1f} s: {path} with the cables {names}; joints: {joints}."
         )
-        self._latch(self._scene_text, serialise(String(data=scene.text)))
-        self._latch(self._tf_static, tf_static([t for c in live.cables.values() for t in c.transforms()]))
-        self._flush(self._now())
+        logging = self._out.recorder.on
+        if logging:  # a log holds one scene
+            self._out.stop_log()
+        self._out.latch(self._scene_text, serialise(String(data=scene.text)))
+        self._out.latch(self._tf_static, tf_static([t for c in live.cables.values() for t in c.transforms()]))
+        self._out.flush()
+        if logging:
+            self._start_log()
 
     def _wait_for_robot(self) -> None:
         topic = self.resolve_topic_name(self._value("robot_description_topic"))
@@ -172,33 +168,23 @@ class CableNode(Node):
 
     # -- joint states in, messages out -------------------------------------------------------------------
 
-    def _on_joint_state(self, data: bytes, info: dict[str, Any]) -> None:
+    def _on_joint_states(self, batch: list[Message]) -> None:
         """Answer all states that have come, or the newest alone where all would take too long."""
         live = self._live
         if live is None:
             return
-        batch = [(data, info)]
-        while len(batch) < _JOINT_STATES.depth and (message := self._take()) is not None:
-            batch.append(message)
         first = max(0, len(batch) - max(1, int(_CATCH_UP / self._answer_time)))
         for index, (data, info) in enumerate(batch):
             begin = time.perf_counter()
             self._on_one_state(live, data, info, skip=index < first)
             self._answer_time += 0.1 * (time.perf_counter() - begin - self._answer_time)
 
-    def _take(self) -> tuple[bytes, dict[str, Any]] | None:
-        """The next joint state that waits, past the executor, which takes ten times as long as this node."""
-        handle: Any = self._subscription.handle
-        with handle:
-            message: tuple[bytes, dict[str, Any]] | None = handle.take_message(JointState, True)
-        return message
-
     def _on_one_state(self, live: LiveScene, data: bytes, info: dict[str, Any], skip: bool) -> None:
         arrival = self._now()
         self._health.heard()
         states = live.states
         usable = states.take(data, info.get("publication_sequence_number"))
-        self._sent.append((self._joint_states, data))
+        self._out.send(self._joint_states, data)
         if states.fault:
             self._health.note(states.fault)
             self.get_logger().warning(states.fault, throttle_duration_sec=5.0)
@@ -213,16 +199,16 @@ class CableNode(Node):
             else:
                 self._solve(live, stamp)
         self._report_changes(live)
-        self._flush(arrival, stamp)
+        self._out.flush(arrival, stamp)
 
     def _solve(self, live: LiveScene, stamp: int) -> None:
         live.solve()
-        self._sent.append((self._solved_joints, live.solved_joints(stamp)))
-        live.send_loads(self._send, stamp, self._joint_load, self._joint_stiffness)
+        self._out.send(self._solved_joints, live.solved_joints(stamp))
+        live.send_loads(self._out.send, stamp, self._joint_load, self._joint_stiffness)
         if self._is_time_for("polylines", self._value("polyline_rate")):
-            live.send_polylines(self._send, stamp)
+            live.send_polylines(self._out.send, stamp)
         if self._markers.wanted() and self._is_time_for("markers", self._value("marker_rate")):
-            live.send_markers(self._send, stamp, self._markers, self._value("marker_force_scale"))
+            live.send_markers(self._out.send, stamp, self._markers, self._value("marker_force_scale"))
         for name, equilibrium in live.equilibria.items():
             if not equilibrium.status.trusted:
                 text = f"{name}: {equilibrium.message} Nothing is published for it."
@@ -239,21 +225,6 @@ class CableNode(Node):
         self._next[what] = max(self._next[what] + 1 / rate, now)
         return True
 
-    def _send(self, outlet: Outlet, data: bytes) -> None:
-        """Publish at once; the log gets the same bytes when everything is out."""
-        outlet.publish(data)
-        self._sent.append((outlet, data))
-
-    def _latch(self, outlet: Outlet, data: bytes) -> None:
-        """Publish what late joiners, and every log, get as well."""
-        self._latched[outlet.topic] = (outlet, data)
-        self._send(outlet, data)
-
-    def _flush(self, log_time: int, publish_time: int | None = None) -> None:
-        for outlet, data in self._sent:
-            self._recorder.write(outlet, data, log_time, publish_time)
-        self._sent.clear()
-
     # -- diagnostics -------------------------------------------------------------------------------------
 
     def _on_timer(self) -> None:
@@ -261,11 +232,12 @@ class CableNode(Node):
         if live is not None and not live.states.needed:
             self._solve(live, self._now())
         self._report()
-        self._flush(self._now())
+        self._out.flush()
 
     def _report_changes(self, live: LiveScene) -> None:
         """Report at once where something changed; the timer reports the rest."""
-        state = (live.statuses, bool(live.states.fault), self._recorder.problem, bool(live.states.missing()))
+        states, log_problem = live.states, self._out.recorder.problem
+        state = (live.statuses, bool(states.fault), log_problem, bool(states.missing()))
         if state != self._reported and time.monotonic() - self._report_time > _REPORT_SPACING:
             self._reported = state
             self._report()
@@ -276,11 +248,11 @@ class CableNode(Node):
         solved = live.solved if live else 0
         entries = [
             self._health.joint_states(live.states if live else None, self._waiting, publishers, solved),
-            self._health.log(self._recorder),
+            self._health.log(self._out.recorder),
         ]
         if live is not None:
             entries += [cable.status(name, self._health.hardware_id) for cable in live.cables.values()]
-        self._send(self._diagnostics, serialise(diagnostics(self._now(), entries)))
+        self._out.send(self._diagnostics, serialise(diagnostics(self._now(), entries)))
         self._report_time = time.monotonic()
 
     def _on_time_jump(self, jump: TimeJump) -> None:
@@ -295,41 +267,18 @@ class CableNode(Node):
 
     def _outlets(self) -> list[Outlet]:
         """Every topic that a log may hold."""
-        own = [self._joint_states, self._solved_joints, self._events, self._diagnostics]
+        own = [self._joint_states, self._solved_joints, self._diagnostics]
         own += [self._joint_load, self._joint_stiffness, self._markers]
-        latched = [outlet for outlet, _ in self._latched.values()]
         cables = self._live.cables.values() if self._live else ()
-        return [*own, *latched, *(outlet for cable in cables for outlet in cable.outlets)]
+        return [*own, *(outlet for cable in cables for outlet in cable.outlets)]
 
     def _start_log(self) -> None:
         path = log_path(self._value("log.path"), self.get_name(), str(get_logging_directory()))
         settings = {name: self._value(f"log.{name}") for name in ("max_size", "max_duration", "queue_size")}
         texts = self._live.attachments(parameters.as_text(self)) if self._live else {}
-        self._recorder.start(path, settings, texts, {"host": host_facts()}, self._outlets())
-        if problem := self._recorder.problem:
-            self.get_logger().error(problem)
-            return
-        self.get_logger().info(f"Writing the log {path}.")
-        now = self._now()
-        for outlet, data in self._latched.values():
-            self._recorder.write(outlet, data, now, now)
-        if live := self._live:
-            settings = {"tolerance": live.tracker.tolerance, "polyline_points": live.tracker.polyline_points}
-            self._log_event(events.START, fresh=live.fresh, **settings)
-
-    def _log_event(self, event: str, **values: Any) -> None:
-        """What a log needs, besides the joints, to be solved again bit for bit."""
-        self._recorder.write(self._events, events.encode_event(event, **values), self._now())
-
-    def _stop_log(self) -> None:
-        if writer := self._recorder.writer:
-            # A logger of its own: the node's also publishes, which it no longer can after a signal.
-            logger = rclpy.logging.get_logger(f"{self.get_name()}.log")
-            if problem := self._recorder.stop():
-                logger.error(problem)
-            else:
-                logger.info(f"The log {writer.path} is complete: {writer.written} messages.")
-        self._recorder.stop()
+        if self._out.start_log(path, settings, texts, self._outlets()) and (live := self._live):
+            used = {"tolerance": live.tracker.tolerance, "polyline_points": live.tracker.polyline_points}
+            self._out.event(events.START, fresh=live.fresh, **used)
 
     # -- parameters and services -------------------------------------------------------------------------
 
@@ -337,37 +286,37 @@ class CableNode(Node):
         for parameter in changed:
             if parameter.name in ("tolerance", "polyline_points") and self._live:
                 setattr(self._live.tracker, parameter.name, parameter.value)
-                self._log_event(events.SET, **{parameter.name: parameter.value})
+                self._out.event(events.SET, **{parameter.name: parameter.value})
             elif parameter.name == "log.enabled":
                 if not parameter.value:
-                    self._stop_log()
-                elif not self._recorder.on:
+                    self._out.stop_log()
+                elif not self._out.recorder.on:
                     self._start_log()
 
     def _on_reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
         if self._live:
             self._live.reset()
-            self._log_event(events.RESET)
+            self._out.event(events.RESET)
         answer.success, answer.message = True, "The next joint state is solved from a cold start."
         return answer
 
     def _on_start_log(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        running = self._recorder.on
+        running = self._out.recorder.on
         self.set_parameters([Parameter("log.enabled", value=True)])
-        writer, problem = self._recorder.writer, self._recorder.problem
+        writer, problem = self._out.recorder.writer, self._out.recorder.problem
         answer.success = not problem and writer is not None
         words = "Already writing" if running else "Writing"
         answer.message = f"{words} {writer.path}." if answer.success and writer else problem
         return answer
 
     def _on_stop_log(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        writer = self._recorder.writer
+        writer = self._out.recorder.writer
         self.set_parameters([Parameter("log.enabled", value=False)])
         answer.success = True
         answer.message = "There was no log to stop."
         if writer is not None:
-            answer.success = bool(writer.paths)
-            answer.message = f"{writer.path} is complete." if writer.paths else writer.error or ""
+            answer.success = writer.error is None
+            answer.message = writer.error or f"{writer.path} is complete."
         return answer
 
     def _on_reload_scene(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
@@ -376,15 +325,12 @@ class CableNode(Node):
         except SceneError as error:
             answer.success, answer.message = False, f"{error}; the old scene stays."
             return answer
-        if self._recorder.on:  # a log holds one scene
-            self._stop_log()
-            self._start_log()
         answer.success, answer.message = True, f"{self._scene_path} is loaded."
         return answer
 
     def close(self) -> None:
         """Complete the log and leave."""
-        self._stop_log()
+        self._out.stop_log()
         self.destroy_node()
 
 
@@ -398,8 +344,8 @@ def _scene_path(value: str) -> Path:
         raise ParameterError(
             "Parameter 'scene' is empty; name a scene file, such as -p scene:=space_arm.yaml"
         )
-    path = Path(value).expanduser()
-    if not path.exists() and path.name == value:
+    path = Path(os.path.expanduser(value))
+    if not os.path.exists(path) and path.name == value:
         try:
             return share_file("config", value)
         except FileNotFoundError:
@@ -414,6 +360,14 @@ def main(args: Sequence[str] | None = None) -> int:
         0 after a clean stop; 2 where it could not start, with the reason in one sentence on stderr.
     """
     node: CableNode | None = None
+
+    def interrupt(*_: object) -> None:
+        # Only while the node starts. Later the context ends, which rclpy sees to, and the callback that is
+        # under way goes on: an exception in its midst could part what is published from what is logged.
+        if node is None:
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
     try:
         rclpy.init(args=list(args) if args is not None else None)
         node = CableNode()
@@ -423,6 +377,9 @@ def main(args: Sequence[str] | None = None) -> int:
     except (ParameterError, SceneError) as error:
         print(f"cable_node: {error}", file=sys.stderr)
         return 2
+    except rclpy_implementation.RCLError:
+        if rclpy.ok():  # else the context ended between rclpy's look at it and its use
+            raise
     finally:
         # A second Ctrl-C must not cut off the log's last chunk.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -91,15 +91,20 @@ class JointStates:
         """Sentence about the last message, empty when nothing was wrong with it."""
         self._layouts: dict[tuple[tuple[str, ...], int, int, int], _Layout] = {}
         self._lost = LostMessages()
+        self._complete = False
 
     def missing(self) -> list[str]:
         """Needed joints that were never seen."""
-        return [name for name, value in zip(self.needed, self.positions, strict=True) if np.isnan(value)]
+        if self._complete:
+            return []
+        unseen = [name for name, value in zip(self.needed, self.positions, strict=True) if np.isnan(value)]
+        self._complete = not unseen
+        return unseen
 
     def joints(self) -> dict[str, float]:
         """Position by name of the joints seen so far."""
         values = zip(self.needed, self.positions.tolist(), strict=True)
-        return {name: value for name, value in values if value == value}
+        return {name: value for name, value in values if self._complete or value == value}
 
     def take(self, data: bytes, sequence: int | None = None) -> bool:
         """Take in one serialised `sensor_msgs/JointState`.

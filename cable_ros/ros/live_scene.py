@@ -6,10 +6,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from cable_ros.equilibrium import Equilibrium
-from cable_ros.joint import joint_load
+from cable_ros.joint import joint_load, joint_torque
 from cable_ros.ros.cable_outputs import CableOutputs
 from cable_ros.ros.joint_states import JointStates
 from cable_ros.ros.markers import CableMarkers
@@ -89,15 +87,21 @@ class LiveScene:
         return [(self.cables[name], e) for name, e in self.equilibria.items() if e.status.trusted]
 
     def send_loads(self, send: Send, stamp: int, load: Outlet, stiffness: Outlet) -> None:
-        """Send the wrenches of every cable whose numbers are trusted, then, where all are, the joint load."""
+        """Send the wrenches of every cable whose numbers are trusted, then, where all are, the joint load.
+
+        The load's derivative costs more than the solve, and is sent only while somebody listens.
+        """
         trusted = self._trusted()
         for cable, equilibrium in trusted:
             for outlet, data in cable.wrenches(stamp, equilibrium):
                 send(outlet, data)
         if self._load and self._stiffness and len(trusted) == len(self.cables):
-            torque, derivative = joint_load(self.tracker, self.equilibria, self.states.joints())
+            joints = self.states.joints()
+            torque = joint_torque(self.tracker, self.equilibria, joints)
             send(load, self._load.fill(stamp, self.states.positions, torque))
-            send(stiffness, self._stiffness.fill(np.asarray(derivative)))
+            if stiffness.wanted():
+                derivative = joint_load(self.tracker, self.equilibria, joints).stiffness
+                send(stiffness, self._stiffness.fill(derivative))
 
     def send_polylines(self, send: Send, stamp: int) -> None:
         """Send the polyline of every cable whose numbers are trusted."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -126,7 +126,7 @@ def refusal(entry: Declaration, value: Any) -> str:
         return f"Parameter '{entry.name}' is {value}; it must be {_wanted(entry)}."
     if entry.name.endswith("_topic") and not value:
         return f"Parameter '{entry.name}' is empty; it needs a name."
-    if entry.name == "log.path" and value and Path(value).suffix == ".mcap" and Path(value).exists():
+    if entry.name == "log.path" and value.endswith(".mcap") and os.path.exists(os.path.expanduser(value)):
         return f"Parameter 'log.path': {value} exists already and logs never overwrite; choose another name."
     return ""
 

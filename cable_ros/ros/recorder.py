@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -118,19 +119,20 @@ class Recorder:
         writer, self.writer, self.error = self.writer, None, ""
         if writer is None:
             return ""
-        problem = writer.error
         writer.close()
-        return problem or (writer.error or "" if not writer.paths else "")
+        return writer.error or ""
 
 
 def log_path(wanted: str, node_name: str, default_folder: str) -> Path:
-    """The file of the next log: `wanted` itself, or one named after node and time in that folder."""
-    path = Path(wanted or default_folder).expanduser()
-    if path.suffix == ".mcap":
-        return path
-    name = f"{node_name}_{time.strftime('%Y%m%d-%H%M%S')}"
-    candidate, number = path / f"{name}.mcap", 1
-    while candidate.exists() or candidate.with_name(candidate.name + ".part").exists():
+    """The file of the next log: `wanted` itself, or one named after node and time in that folder.
+
+    Numbered where there is such a file: a second log under the same parameters.
+    """
+    path = Path(os.path.expanduser(wanted or default_folder))
+    if path.suffix != ".mcap":
+        path /= f"{node_name}_{time.strftime('%Y%m%d-%H%M%S')}.mcap"
+    candidate, number = path, 1
+    while os.path.exists(candidate) or os.path.exists(f"{candidate}.part"):
         number += 1
-        candidate = path / f"{name}-{number}.mcap"
+        candidate = path.with_name(f"{path.stem}-{number}.mcap")
     return candidate
