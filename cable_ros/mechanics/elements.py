@@ -9,7 +9,7 @@ end wrench converges with order 2p, as for a collocation method of the same cost
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -32,7 +32,7 @@ class ReferenceElement:
 
     @property
     def tables(self) -> tuple[np.ndarray, ...]:
-        """values, slopes, the same with every column three times, points, weights: as the kernels take them."""
+        """values, slopes, both with every column three times, points, weights: as the kernels take them."""
         return (
             self.values,
             self.slopes,
@@ -64,7 +64,7 @@ def lagrange(nodes: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return values, slopes
 
 
-@lru_cache(maxsize=None)
+@cache
 def reference_element(order: int, quadrature: int = 0) -> ReferenceElement:
     """The element of the given order with `quadrature` Gauss points (0: as many as the order)."""
     points, weights = legendre.leggauss(quadrature or order)
@@ -74,7 +74,7 @@ def reference_element(order: int, quadrature: int = 0) -> ReferenceElement:
     return ReferenceElement(order, nodes, points, 0.5 * weights, values, slopes)
 
 
-@lru_cache(maxsize=None)
+@cache
 def enrichment(order: int) -> tuple[ReferenceElement, np.ndarray]:
     """What the error estimate of an element needs: it with two more Gauss points, and one order more.
 
@@ -121,8 +121,8 @@ class Mesh:
 
     def split(self, which: np.ndarray) -> Mesh:
         """The mesh with the elements marked in `which` (elements,) halved."""
-        lengths = [part for h, cut in zip(self.lengths, which) for part in ((h / 2, h / 2) if cut else (h,))]
-        return Mesh(self.element, np.array(lengths))
+        times = np.where(which, 2, 1)
+        return Mesh(self.element, np.repeat(self.lengths / times, times))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,13 @@
 """Compiled arithmetic of the rod: energy, its gradient and its exact Hessian.
 
-Everything is in units of the cable (length 1, see `units.py`) and in the start clamp's frame.
-Quaternions are scalar first in here. `q` (n, 4) holds the nodal quaternions; a nodal increment
-`psi` (n, 3) is a rotation vector in the section frame: q <- q exp(psi / 2).
-The Lagrangian is  L = integral 1/2 kappa.K.kappa - G(s).t ds,  G(s) = F + (1 - s) f: the internal
-force, whose constant part F is the end force, the multiplier of the end position (model: (8), (9), (14)-(16)).
+Everything is in units of the cable (length 1, see `units.py`) and in the start clamp's frame. Quaternions are
+scalar first in here. `q` (n, 4) holds the nodal quaternions; a nodal increment `psi` (n, 3) is a rotation
+vector in the section frame: q <- q exp(psi / 2). The Lagrangian is
+
+    L = integral 1/2 (kappa - kappa0).K.(kappa - kappa0) - G(s).t ds,    G(s) = F + (1 - s) f
+
+with the internal force G, whose constant part F is the end force, the multiplier of the end position, and the
+load f per length (docs/method.md, equations 1 to 4).
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ OPTIONS = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "e
 
 @njit(**OPTIONS)
 def section(q, dq, K, kappa0, G, kappa, moment, t, gq, gd):
-    """Strain, moment, tangent and the gradient of the density at one point by (q, dq). Returns n, T, m.kappa."""
+    """Strain, moment, tangent, the density's gradient by (q, dq) at a point; returns |q|^2, -G.t, m.kappa."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     dw, dx, dy, dz = dq[0], dq[1], dq[2], dq[3]
     n = w * w + x * x + y * y + z * z
@@ -96,7 +99,10 @@ def second(q, dq, K, G, kappa, moment, gq, gd, n, T, mk, weight, k8, H):
 
 @njit(**OPTIONS)
 def tangent_derivative(q, t, weight, D, C, first, count):
-    """Add the derivative of the tangent, (2 / n) (S_a q - t_a q), along `count` columns of D to C from column `first` on."""
+    """Add the tangent's derivative along `count` columns of D to C (3, ...) from column `first` on.
+
+    Component a is (2 / n) (S_a q - t_a q), with t_a = q.S_a q / n; `weight` comes with the 2 / n.
+    """
     w, x, y, z = weight * q[0], weight * q[1], weight * q[2], weight * q[3]
     for j in range(count):
         p0, p1, p2, p3 = D[0, j], D[1, j], D[2, j], D[3, j]
@@ -107,13 +113,22 @@ def tangent_derivative(q, t, weight, D, C, first, count):
 
 
 @njit(**OPTIONS)
+def increments(q, c, out):
+    """Derivative (4, 3) of the quaternion q by its rotation vector, into the columns from c on of `out`."""
+    w, x, y, z = 0.5 * q[0], 0.5 * q[1], 0.5 * q[2], 0.5 * q[3]
+    out[0, c], out[1, c], out[2, c], out[3, c] = -x, w, z, -y
+    out[0, c + 1], out[1, c + 1], out[2, c + 1], out[3, c + 1] = -y, -z, w, x
+    out[0, c + 2], out[1, c + 2], out[2, c + 2], out[3, c + 2] = -z, y, -x, w
+
+
+@njit(**OPTIONS)
 def gradient(q, F, f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, totals):
     """Gradient g (n, 3) of the Lagrangian at the nodes and, in `totals`, end position (3), energy, twist.
 
-    `F` (elements, 3): the constant part of the internal force, the end force plus the point forces on later elements.
-    `acc` (n, 4) comes with what else pulls at the nodal quaternions, zero without, and is used up.
-    `radial` (n,) receives a quarter of the derivative along each nodal quaternion itself, the curvature of the
-    unit sphere that the Hessian needs. Energy is that of the free cable: elastic minus weight.
+    `F` (elements, 3): the constant part of the internal force, the end force plus the point forces on later
+    elements. `acc` (n, 4) comes with what else pulls at the nodal quaternions, zero without, and is used up.
+    `radial` (n,) receives a quarter of the derivative along each nodal quaternion itself, the curvature of
+    the unit sphere that the Hessian needs. Energy is that of the free cable: elastic minus weight.
     """
     order = N.shape[1] - 1
     kappa, moment, t, G = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -159,8 +174,8 @@ def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, 
     """Hessian of the Lagrangian in lower band storage, in two parts, and the end position's derivative.
 
     `elastic` and `geometric` (3n, b + 1) hold row i, column j at [i, b + j - i], b = 3 (order + 1) - 1; the
-    Hessian is their sum. `parts` (elements, 3, 3 (order + 1)) is the derivative of the way that each element goes,
-    `C` (3, 3n) that of the end position, their sum. `F` and `radial` are `gradient`'s.
+    Hessian is their sum. `parts` (elements, 3, 3 (order + 1)) is the derivative of the way that each element
+    goes, `C` (3, 3n) that of the end position, their sum. `F` and `radial` are `gradient`'s.
     """
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
@@ -186,11 +201,7 @@ def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, 
         E[:] = 0.0
         S[:] = 0.0
         for i in range(order + 1):
-            w, x, y, z = 0.5 * q[first + i, 0], 0.5 * q[first + i, 1], 0.5 * q[first + i, 2], 0.5 * q[first + i, 3]
-            c = 3 * i
-            frame[0, c], frame[1, c], frame[2, c], frame[3, c] = -x, w, z, -y
-            frame[0, c + 1], frame[1, c + 1], frame[2, c + 1], frame[3, c + 1] = -y, -z, w, x
-            frame[0, c + 2], frame[1, c + 2], frame[2, c + 2], frame[3, c + 2] = -z, y, -x, w
+            increments(q[first + i], 3 * i, frame)
         for k in range(N.shape[0]):
             for a in range(4):
                 qs[a] = 0.0
@@ -215,17 +226,15 @@ def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, 
                 b0, b1, b2, b3 = k8[c, 0], k8[c, 1], k8[c, 2], k8[c, 3]
                 b4, b5, b6, b7 = k8[c, 4], k8[c, 5], k8[c, 6], k8[c, 7]
                 for j in range(wide):
-                    B[c, j] = (
-                        (b0 * D[0, j] + b1 * D[1, j] + b2 * D[2, j] + b3 * D[3, j])
-                        + (b4 * D[4, j] + b5 * D[5, j] + b6 * D[6, j] + b7 * D[7, j])
+                    B[c, j] = (b0 * D[0, j] + b1 * D[1, j] + b2 * D[2, j] + b3 * D[3, j]) + (
+                        b4 * D[4, j] + b5 * D[5, j] + b6 * D[6, j] + b7 * D[7, j]
                     )
             for a in range(8):
                 b0, b1, b2, b3 = H[a, 0], H[a, 1], H[a, 2], H[a, 3]
                 b4, b5, b6, b7 = H[a, 4], H[a, 5], H[a, 6], H[a, 7]
                 for j in range(wide):
-                    Y[a, j] = (
-                        (b0 * D[0, j] + b1 * D[1, j] + b2 * D[2, j] + b3 * D[3, j])
-                        + (b4 * D[4, j] + b5 * D[5, j] + b6 * D[6, j] + b7 * D[7, j])
+                    Y[a, j] = (b0 * D[0, j] + b1 * D[1, j] + b2 * D[2, j] + b3 * D[3, j]) + (
+                        b4 * D[4, j] + b5 * D[5, j] + b6 * D[6, j] + b7 * D[7, j]
                     )
             for i in range(nd):
                 e0, e1, e2 = K[0] * B[0, i], K[1] * B[1, i], K[2] * B[2, i]
@@ -233,9 +242,8 @@ def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, 
                 b4, b5, b6, b7 = D[4, i], D[5, i], D[6, i], D[7, i]
                 for j in range((i // 8 + 1) * 8):
                     E[i, j] += e0 * B[0, j] + e1 * B[1, j] + e2 * B[2, j]
-                    S[i, j] += (
-                        (b0 * Y[0, j] + b1 * Y[1, j] + b2 * Y[2, j] + b3 * Y[3, j])
-                        + (b4 * Y[4, j] + b5 * Y[5, j] + b6 * Y[6, j] + b7 * Y[7, j])
+                    S[i, j] += (b0 * Y[0, j] + b1 * Y[1, j] + b2 * Y[2, j] + b3 * Y[3, j]) + (
+                        b4 * Y[4, j] + b5 * Y[5, j] + b6 * Y[6, j] + b7 * Y[7, j]
                     )
             tangent_derivative(qs, t, 2.0 * wh / n, D, parts[e], 0, nd)
         for i in range(nd):

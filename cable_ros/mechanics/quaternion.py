@@ -1,4 +1,4 @@
-"""Compiled quaternion arithmetic, scalar first. ROS's x y z w is turned at the border (`from_ros`, `to_ros`)."""
+"""Compiled quaternion arithmetic, scalar first; ROS's x y z w is turned at the border (`from_ros`)."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def rotation_vector(q):
 
 @njit(**OPTIONS)
 def retract(q, psi, out):
-    """out = q exp(psi / 2), row by row of q (n, 4), psi (3 n,) a rotation vector in the section frame; normalised."""
+    """out = q exp(psi / 2), normalised, row by row of q (n, 4); psi (3n,): rotations in the section frame."""
     for i in range(q.shape[0]):
         a, b, c = 0.5 * psi[3 * i], 0.5 * psi[3 * i + 1], 0.5 * psi[3 * i + 2]
         angle2 = a * a + b * b + c * c

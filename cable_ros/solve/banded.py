@@ -6,7 +6,6 @@ A = L D L^T takes pivots as they come: their signs are the inertia, which tells 
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 OPTIONS = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
@@ -14,16 +13,16 @@ OPTIONS = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "e
 
 @njit(**OPTIONS)
 def reach(i, order, last):
-    """One past the last column that row i of the upper triangle touches: the end of the element it is the first of."""
+    """One past the last column that row i of the upper triangle touches: the end of its node's element."""
     return min(last, 3 * order * (i // 3 // order + 1) + 3)
 
 
 @njit(**OPTIONS)
 def factor(A, first, last, order, U, pivots):
-    """Factor rows first..last-1 of the banded A = L D L^T; returns (negative pivots, smallest |pivot / diagonal|).
+    """Factor rows first..last-1 of A = L D L^T; returns (negative pivots, smallest |pivot / diagonal|).
 
-    Row i of U receives L^T from the diagonal on: U[i, m] = L[i + m, i]. The unknowns come three a node and the nodes
-    `order` an element, so that a row reaches to its element's end and no further.
+    Row i of U receives L^T from the diagonal on: U[i, m] = L[i + m, i]. The unknowns come three a node and
+    the nodes `order` an element, so that a row reaches to its element's end and no further.
     """
     band = A.shape[1] - 1
     negative = 0

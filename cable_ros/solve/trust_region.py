@@ -21,13 +21,16 @@ class Problem(Protocol):
         """Objective and constraints at x."""
 
     def linearize(self, x: Any, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Set up Hessian and constraint derivative at (x, y); returns objective, constraints, gradient of the Lagrangian."""
+        """Set up Hessian and constraint derivative at (x, y).
+
+        Returns objective, constraints and the Lagrangian's gradient.
+        """
 
     def factor(self, mu: float) -> bool:
-        """Factor the saddle system with H + mu D; whether H + mu D is positive on the constraints' tangent space."""
+        """Factor the saddle system of H + mu D; whether that is positive on the tangent space."""
 
     def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Solve the factored system: s with (H + mu D) s - C dy = -gradient, C^T s = -constraints; returns s, dy."""
+        """s, dy of the factored system: (H + mu D) s - C dy = -gradient, C^T s = -constraints."""
 
     def normal_step(self, constraints: np.ndarray) -> np.ndarray:
         """The shortest s in the metric D with C^T s = -constraints."""
@@ -47,7 +50,7 @@ class Problem(Protocol):
 
 @dataclass(frozen=True)
 class Options:
-    """Radius in units of the metric; `step_tolerance` on the length of a full step; `descent` keeps the steps short."""
+    """Radii in units of the metric; `step_tolerance`: length of a full step at which the iteration ends."""
 
     radius: float = 1.0
     largest_radius: float = 4.0

@@ -20,7 +20,7 @@ def _unit(v: np.ndarray) -> np.ndarray:
 
 
 def tangents(nodes: np.ndarray, qe: np.ndarray, re: np.ndarray, bulge: np.ndarray | None) -> np.ndarray:
-    """Unit tangents (n, 3) at the arc lengths `nodes` of a Hermite curve of about unit length between the clamps.
+    """Unit tangents (n, 3) at the arc lengths `nodes` of a Hermite curve of length 1 between the clamps.
 
     Its slack goes into the clamps' own directions, or sideways along `bulge` (3,).
     """
@@ -95,7 +95,7 @@ def bulges(qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> list[np.ndarray | N
 def starts(
     nodes: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, hint: float | None
 ) -> Iterator[np.ndarray]:
-    """Frames (n, 4) to start a search from: each curve with its likely twists, the nearest to the hint first."""
+    """Frames (n, 4) to start a search from: every curve with its likely twists, those near the hint first."""
     frames = [transport(tangents(nodes, qe, re, bulge)) for bulge in bulges(qe, re, f)]
     turns = []
     for rank, q in enumerate(frames):

@@ -14,7 +14,7 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 @njit(**OPTIONS)
 def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order, L, pivots, Y, S, g):
-    """Derivative (12, 12) of both clamps' wrenches on the cable by the clamps' motions, in units of the cable.
+    """Derivative (12, 12) of both clamps' wrenches on the cable by their motions, in units of the cable.
 
     Rows: force and moment at the start, then at the end, each in its clamp's frame. Columns: translation
     along and rotation about the start clamp's own axes, then the end clamp's. Needs the factors at the
@@ -45,8 +45,10 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
         else:
             # the gradient is linear in the load: that of a cable without stiffness and end force is its
             # derivative
-            pull = np.zeros((nodes, 4))
-            gradient(q, np.zeros((h.shape[0], 3)), unit, nothing, nothing, h, s0, N, dN, points, weights, pull, load, radial, totals)
+            pull, force = np.zeros((nodes, 4)), np.zeros((h.shape[0], 3))
+            gradient(
+                q, force, unit, nothing, nothing, h, s0, N, dN, points, weights, pull, load, radial, totals
+            )
             right[:] = load.ravel()
         saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
         moment = end_rows(elastic, geometric, C, 3, s, dF)
