@@ -14,7 +14,7 @@ from cable_ros.mechanics.elements import Sampling, sampling
 from cable_ros.scene import Cable
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
-from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine
+from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.units import Units, relative
 from cable_ros.statics.walk import End, Walk, walk
@@ -128,6 +128,25 @@ class Follower:
             self._take(fine, joints)
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, fine.iterations, poses, begin)
         return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, time.perf_counter() - begin)
+
+    def branches(self, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:
+        """The stable equilibria that a wide search finds at a pose, by rising energy; the last is followed on."""
+        begin = time.perf_counter()
+        conditions = self._conditions(poses, IDENTITY)
+        out: list[Equilibrium] = []
+        if not np.linalg.norm(conditions.re) < 1.0:
+            return out
+        found: list[Found] = []
+        for turns in (-1, 0, 1):
+            hint = (self._hint or 0.0) + 2.0 * np.pi * turns
+            for one in equilibria(self._stiffness, None, conditions, hint, self.tolerance):
+                fine, estimate = refine(one, self.tolerance)
+                if estimate <= self.tolerance and not any(same(fine, other) for other in found):
+                    found.append(fine)
+        for one in sorted(found, key=lambda one: one.energy):
+            self._take(one, joints)
+            out.append(self._finish(Status.CONVERGED, Status.CONVERGED.sentence, one.iterations, poses, begin))
+        return out
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
         self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints

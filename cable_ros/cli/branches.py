@@ -51,8 +51,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from cable_ros.branches import branches
     from cable_ros.scene import Kinematics, load_scene
-    from cable_ros.tracker import branches
 
     scene = load_scene(args.scene)
     joints = joint_values(args.joint, Kinematics(scene).joint_names)

@@ -129,7 +129,7 @@ def equilibria(
         rod = Rod(mesh, stiffness, natural)
         rod.set_conditions(conditions.qe, conditions.re, conditions.f)
         one = settle(rod, q, np.zeros(3), Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8))
-        if one is None or any(_same(one, other) for other in found):
+        if one is None or any(same(one, other) for other in found):
             continue
         found.append(one)
         if hint is not None and not thorough and abs(one.twist - hint) < 0.02:
@@ -137,6 +137,11 @@ def equilibria(
     return sorted(found, key=lambda one: one.energy)
 
 
-def _same(a: Found, b: Found) -> bool:
-    scale = 1.0 + abs(a.energy)
-    return abs(a.twist - b.twist) < 1e-4 and abs(a.energy - b.energy) < 1e-5 * scale
+def same(a: Found, b: Found) -> bool:
+    """Whether two finds are one equilibrium: mirror images share twist and energy, but not the end's moment."""
+    moment = a.rod.g[-1]
+    return (
+        abs(a.twist - b.twist) < 1e-3
+        and abs(a.energy - b.energy) < 1e-5 * (1.0 + abs(a.energy))
+        and float(np.linalg.norm(moment - b.rod.g[-1])) < 1e-2 * (1.0 + float(np.linalg.norm(moment)))
+    )
