@@ -8,6 +8,7 @@ from numba import njit
 from cable_ros.mechanics import quaternion
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
+FAST = {**OPTIONS, "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
 
 
 @njit(**OPTIONS)
@@ -25,7 +26,7 @@ def wrenches(F, f, qe, g, force, moment, end_wrench, start_wrench):
         start_wrench[3 + a] = -moment * g[0, a]
 
 
-@njit(**OPTIONS)
+@njit(**FAST)
 def polyline(q, h, element, values, weights, quadrature, start, length, out_r, out_q):
     """World points (m, 3) and frames (m, 4) x y z w at the arc lengths that `elements.Sampling` stands for.
 
@@ -35,44 +36,55 @@ def polyline(q, h, element, values, weights, quadrature, start, length, out_r, o
     """
     order = values.shape[1] - 1
     points = quadrature.shape[0]
-    qs = np.empty(4)
-    r0 = np.zeros(3)
-    t = np.empty((points, 3))
+    count = element.shape[0]
+    # interpolation is linear in the nodal quaternions: turned into the world before it, not after
+    world = np.empty((4, q.shape[0]))
+    w, x, y, z = start[6], start[3], start[4], start[5]
+    for i in range(q.shape[0]):
+        a, b, c, d = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        world[0, i] = w * a - x * b - y * c - z * d
+        world[1, i] = w * b + x * a + y * d - z * c
+        world[2, i] = w * c - x * d + y * a + z * b
+        world[3, i] = w * d + x * c - y * b + z * a
+    t = np.empty((3, points))
+    r0, r1, r2 = start[0], start[1], start[2]
     at = 0
-    orientation = np.empty(4)
-    orientation[0], orientation[1], orientation[2], orientation[3] = start[6], start[3], start[4], start[5]
     for e in range(h.shape[0]):
         first = e * order
+        step = length * h[e]
         for k in range(points):
-            for a in range(4):
-                v = 0.0
-                for i in range(order + 1):
-                    v += quadrature[k, i] * q[first + i, a]
-                qs[a] = v
-            w, x, y, z = qs[0], qs[1], qs[2], qs[3]
-            n = 1.0 / (w * w + x * x + y * y + z * z)
-            t[k, 0] = 2.0 * n * (x * z + w * y)
-            t[k, 1] = 2.0 * n * (y * z - w * x)
-            t[k, 2] = n * (w * w - x * x - y * y + z * z)
-        while at < element.shape[0] and element[at] == e:
-            p = r0.copy()
+            w, x, y, z = 0.0, 0.0, 0.0, 0.0
+            for i in range(order + 1):
+                v = quadrature[k, i]
+                w += v * world[0, first + i]
+                x += v * world[1, first + i]
+                y += v * world[2, first + i]
+                z += v * world[3, first + i]
+            n = step / (w * w + x * x + y * y + z * z)
+            t[0, k] = 2.0 * n * (x * z + w * y)
+            t[1, k] = 2.0 * n * (y * z - w * x)
+            t[2, k] = n * (w * w - x * x - y * y + z * z)
+        while at < count and element[at] == e:
+            p0, p1, p2 = r0, r1, r2
             for k in range(points):
-                for a in range(3):
-                    p[a] += h[e] * weights[at, k] * t[k, a]
-            for a in range(4):
-                v = 0.0
-                for i in range(order + 1):
-                    v += values[at, i] * q[first + i, a]
-                qs[a] = v
-            scale = 1.0 / np.sqrt(qs[0] * qs[0] + qs[1] * qs[1] + qs[2] * qs[2] + qs[3] * qs[3])
-            p = quaternion.rotate(orientation, p)
-            o = quaternion.multiply(orientation, qs)
-            for a in range(3):
-                out_r[at, a] = start[a] + length * p[a]
-                out_q[at, a] = scale * o[a + 1]
-            out_q[at, 3] = scale * o[0]
+                v = weights[at, k]
+                p0 += v * t[0, k]
+                p1 += v * t[1, k]
+                p2 += v * t[2, k]
+            out_r[at, 0], out_r[at, 1], out_r[at, 2] = p0, p1, p2
+            w, x, y, z = 0.0, 0.0, 0.0, 0.0
+            for i in range(order + 1):
+                v = values[at, i]
+                w += v * world[0, first + i]
+                x += v * world[1, first + i]
+                y += v * world[2, first + i]
+                z += v * world[3, first + i]
+            n = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
+            out_q[at, 0], out_q[at, 1], out_q[at, 2], out_q[at, 3] = n * x, n * y, n * z, n * w
             at += 1
         # the last row of the weights is the whole element
         for k in range(points):
-            for a in range(3):
-                r0[a] += h[e] * weights[element.shape[0], k] * t[k, a]
+            v = weights[count, k]
+            r0 += v * t[0, k]
+            r1 += v * t[1, k]
+            r2 += v * t[2, k]
