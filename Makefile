@@ -1,5 +1,6 @@
 # make setup   .venv with the package, its Jazzy wheels and the tools      make test   lint, types, all tests
 # make demo    the arm live, an MCAP log and plots in demo/                make lint   only lint and types
+# make node_modules   npm's reader of logs, which a test wants; it skips without
 # Another Python: make PYTHON=/path/to/python3.12 setup
 
 SHELL := bash
@@ -45,7 +46,12 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-test: lint
+# Without npm, or without its registry, the test that wants this skips.
+node_modules:
+	@npm install --prefix . --silent --no-save --no-package-lock --fetch-retries=0 --fetch-timeout=20000 \
+		@mcap/core@2 fzstd@0.1 2>/dev/null || true
+
+test: lint node_modules
 	@mkdir -p "$$ROS_LOG_DIR"
 	$(BIN)/python -m pytest
 

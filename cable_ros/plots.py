@@ -255,7 +255,8 @@ def _components(axes: Axes, values: np.ndarray, vectors: np.ndarray, letter: str
             linestyle="--" if norm else "-",
             linewidth=1.3 if norm else 1.9,
             marker="" if norm else ".",  # within the line, but a lone value between two gaps still shows
-            markersize=3,
+            markersize=4,
+            markeredgewidth=0,
         )
     axes.margins(x=0.01)
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))

@@ -36,8 +36,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser = subparsers.add_parser(
         "demo",
         help="run the paper's arm live and log it",
-        description="Start the cable node on the paper's arm, turn its orientation joint from -90 to 90 deg "
-        "with real joint states, and draw what the log then holds.",
+        description="Start the cable node on the paper's arm, turn its orientation joint from -90 to\n"
+        "90 deg with real joint states, and draw what the log then holds.",
         epilog=EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

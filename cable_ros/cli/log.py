@@ -28,9 +28,21 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     actions = parser.add_subparsers(title="actions", dest="action", metavar="ACTION", required=True)
-    info = actions.add_parser("info", help="print what a log holds")
+    info = actions.add_parser(
+        "info",
+        help="print what a log holds",
+        description="Print the topics, times and facts that a log holds.",
+        epilog="example:\n  cable log info space_arm.mcap",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     info.add_argument("log", metavar="FILE", type=Path, help="finished log (.mcap)")
-    recover = actions.add_parser("recover", help="save what is whole into a new, indexed file")
+    recover = actions.add_parser(
+        "recover",
+        help="save what is whole into a new, indexed file",
+        description="Save every whole chunk of a log that was cut off into a new file with an index.",
+        epilog="example:\n  cable log recover space_arm.mcap.part",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     recover.add_argument("log", metavar="FILE", type=Path, help="log that was cut off; it is left as it is")
     recover.add_argument(
         "--out",

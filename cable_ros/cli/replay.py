@@ -93,8 +93,9 @@ def _resolve(logged: LoggedRun, scene: Scene, tolerance: float) -> int:
     for caveat in _caveats(logged, outcome):
         print(caveat)
     within = outcome.within(tolerance)
-    asked = f"the tolerance {tolerance:g}" if tolerance else "bit for bit"
-    print(f"largest relative difference {outcome.relative:.3g}: {'within' if within else 'not'} {asked}")
+    asked = f"{'within' if within else 'beyond'} the tolerance {tolerance:g}"
+    same = "the same bit for bit" if within else "not the same bit for bit"
+    print(f"largest relative difference {outcome.relative:.3g}: {asked if tolerance else same}")
     return 0 if within else 1
 
 

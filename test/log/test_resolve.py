@@ -169,7 +169,7 @@ def test_the_command_says_how_far_off_a_wrench_is(tmp_path, capsys):
     assert "camera_cable end: 39 of 40 wrenches bit for bit, largest difference 1.73e-05 N" in printed
     assert "(at 0.018 s)" in printed
     assert "camera_cable start: 40 of 40 wrenches bit for bit" in printed
-    assert "not bit for bit" in printed
+    assert "not the same bit for bit" in printed
     # A moment of some mN m, off by 1e-5 sqrt(3) N m.
     assert main(["replay", path, "--resolve", "--tolerance", "0.01"]) == 0
     assert main(["replay", path, "--resolve", "--tolerance", "1e-4"]) == 1
