@@ -31,6 +31,10 @@ METHODS: dict[str, tuple[float, Solve]] = {
 """By name: the wrench error up to which an answer counts, and the solve: cold but for the last one, which
 shows what the published equations reach when they are handed the solution."""
 
+OVER, DIVERGED, NOT_FINITE = f"over {LIMIT:g} s", "diverged", "not finite"
+REPORTED = (OVER, DIVERGED, NOT_FINITE, "ValueError", "LinAlgError")
+"""Failures that the method itself tells."""
+
 
 @dataclass(frozen=True)
 class Attempt:
@@ -59,39 +63,48 @@ def attempt(name: str, rod: Rod, ours: Equilibrium) -> Attempt:
         with _limit(LIMIT), np.errstate(all="ignore"):
             result = solve(cable, from_equilibrium(ours, cable))
     except TimeoutError:
-        return Attempt(False, np.inf, LIMIT, f"over {LIMIT:g} s")
+        return Attempt(False, np.inf, LIMIT, OVER)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Attempt(False, np.inf, time.perf_counter() - began, type(error).__name__)
     seconds = time.perf_counter() - began
     if not np.all(np.isfinite(result.points)) or not np.all(np.isfinite(result.end_wrench)):
-        return Attempt(False, np.inf, seconds, "not finite")
+        return Attempt(False, np.inf, seconds, NOT_FINITE)
     even = result.at(np.linspace(0.0, rod.length, max(201, result.nodes)))
     to_clamp = Rotation.from_quat(rod.start[3:]).inv()
     start_wrench = np.concatenate([to_clamp.apply(even.force[0]), to_clamp.apply(even.moment[0])])
     found = refine(rod, even.points, even.orientations, start_wrench, result.end_wrench)
     if not found.converged or found.wrench_error > bound:
-        return Attempt(False, found.wrench_error, seconds, "diverged" if not result.converged else "wrong")
+        return Attempt(False, found.wrench_error, seconds, DIVERGED if not result.converged else "wrong")
     return Attempt(found.stable, found.wrench_error, seconds, "" if found.stable else "unstable")
 
 
-def compare(cases: list[Case]) -> str:
-    """Shares of cold cases that each baseline solves, as text."""
+def baseline_rows(cases: list[Case]) -> list[list[str]]:
+    """What becomes of cold cases by each baseline, as rows of the table of `robustness`."""
     from tqdm import tqdm
 
-    lines = [f"baselines on {len(cases)} of the cold cases"]
     attempts: dict[str, list[Attempt]] = {name: [] for name in METHODS}
     for case in tqdm(cases, desc="baselines", leave=False, disable=None):
         for step in run_case(case).steps[-1:]:
             for name in METHODS:
                 attempts[name].append(attempt(name, step.rod, step.equilibrium))
+    rows = []
     for name, tries in attempts.items():
-        share = np.mean([a.verified for a in tries])
-        median = np.median([a.seconds for a in tries])
-        lines.append(
-            f"  {name:26s} within {METHODS[name][0]:g} and stable: {100 * share:.1f} %, "
-            f"median {1e3 * median:.0f} ms, most {max(a.seconds for a in tries):.1f} s"
+        good = sum(a.verified for a in tries)
+        reported = sum(a.why in REPORTED for a in tries)
+        ms = [1e3 * a.seconds for a in tries]
+        rows.append(
+            [
+                name,
+                f"cold starts, error below {METHODS[name][0]:g}",
+                str(len(tries)),
+                f"{100 * good / max(1, len(tries)):.2f} %",
+                str(reported),
+                str(len(tries) - good - reported),
+                f"{np.median(ms):.0f}",
+                f"{max(ms):.0f}",
+            ]
         )
-    return "\n".join(lines)
+    return rows
 
 
 @contextmanager

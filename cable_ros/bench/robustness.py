@@ -8,47 +8,40 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
+from cable_ros.bench.baseline_share import baseline_rows
 from cable_ros.bench.cases import Case, Outcome, Step, run_case
 from cable_ros.bench.fuzz import STEPS, cold_case, tracked_case
+from cable_ros.bench.machine import describe
+from cable_ros.bench.markdown import markdown_table, write_between
 from cable_ros.solve.status import Status
-
-EXAMPLE = """examples:
-  cable bench robustness --cases 10000 --seed 1
-  cable bench robustness --seed 1 --only cold:4711       one case of a run again
-  cable bench robustness --zoo test/zoo.py --markdown docs/robustness.md
-
-exit code: 1 when an answer that was published as true is not, or fewer than 99.9 % converged"""
 
 SHARE = 0.999
 """Least share of cases that must converge to a verified equilibrium."""
 SLOW = 1.0
 """No case may take longer, s."""
+HEAD = (
+    "method",
+    "cases",
+    "count",
+    "converged and verified",
+    "reported as not",
+    "wrong",
+    "median ms",
+    "most ms",
+)
 GRAVITY_EDGES = (0, 1, 10, 50, 100, 200, np.inf)
 CHORD_EDGES = (0.0, 0.2, 0.5, 0.8, 0.9, 0.95, np.inf)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the subcommand."""
-    parser.add_argument("--cases", type=int, default=1000, metavar="N", help="cold cases (default 1000)")
-    parser.add_argument("--steps", type=int, metavar="N", help="tracked steps (default: as many as cases)")
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="which random cases (default 0)")
-    parser.add_argument("--tolerance", type=float, default=1e-4, metavar="T", help="asked for (default 1e-4)")
-    parser.add_argument("--only", metavar="KIND:INDEX", help="a single case, such as cold:17 or tracked:3")
-    parser.add_argument("--baselines", type=int, default=0, metavar="N", help="also solve N cases by those")
-    parser.add_argument("--zoo", metavar="FILE", help="run the named cases (CASES) of a Python file instead")
-    parser.add_argument("--markdown", metavar="FILE", help="write the table of the named cases there")
-
-
 def run(args: argparse.Namespace) -> int:
-    """Run it and print what came out."""
+    """Run it and print what came out; 1 where an answer was wrong or too few converged."""
     if args.zoo:
         from cable_ros.bench.zoo_table import run_zoo
 
-        return run_zoo(Path(args.zoo), Path(args.markdown) if args.markdown else None)
+        return run_zoo(args.zoo, args.markdown)
     if args.only:
         return _run_one(args)
     steps = args.cases if args.steps is None else args.steps
@@ -65,10 +58,16 @@ def run(args: argparse.Namespace) -> int:
         tracked.add(outcome)
     tallies = [tally for tally in (cold, tracked) if tally.answers]
     print("\n\n".join(tally.report(args.seed) for tally in tallies))
+    rows = [tally.row() for tally in tallies]
     if args.baselines:
-        from cable_ros.bench.baseline_share import compare
-
-        print("\n" + compare([cold_case(args.seed, i, args.tolerance) for i in range(args.baselines)]))
+        rows += baseline_rows([cold_case(args.seed, i, args.tolerance) for i in range(args.baselines)])
+    table = markdown_table(HEAD, rows)
+    print(f"\n{table}")
+    if args.markdown:
+        facts = ", ".join(f"{name} {fact}" for name, fact in describe().items())
+        write_between(
+            args.markdown, "fuzz", f"Seed {args.seed}, tolerance {args.tolerance:g}; {facts}.\n\n{table}\n"
+        )
     return 0 if all(tally.good for tally in tallies) else 1
 
 
@@ -139,6 +138,20 @@ class Tally:
     @property
     def good(self) -> bool:
         return not self.wrong and self.share >= SHARE
+
+    def row(self) -> list[str]:
+        """As HEAD has it."""
+        ms = 1e3 * np.array([step.seconds for step in self.answers])
+        return [
+            "cable_ros",
+            self.name,
+            str(len(self.answers)),
+            f"{100 * self.share:.2f} %",
+            str(len(self.reported)),
+            str(len(self.wrong)),
+            f"{np.median(ms):.2f}",
+            f"{ms.max():.0f}",
+        ]
 
     def report(self, seed: int) -> str:
         times = 1e3 * np.array([step.seconds for step in self.answers])

@@ -12,10 +12,9 @@ import numpy as np
 
 from cable_ros.bench.baseline_share import METHODS, attempt
 from cable_ros.bench.cases import Case, Outcome, run_case
+from cable_ros.bench.markdown import markdown_table, write_between
 
 HEAD = ("case", "expected", "status", "error", "iterations", "ms", *METHODS, "verdict")
-MARKS = ("<!-- zoo begins -->", "<!-- zoo ends -->")
-"""The table in a Markdown file is what stands between these lines."""
 
 
 class ZooError(ValueError):
@@ -52,7 +51,7 @@ def run_zoo(path: Path, markdown: Path | None, baselines: bool = True) -> int:
         outcome = run_case(case)
         outcomes.append(outcome)
         rows.append(row(outcome, baselines))
-    table = "\n".join([_line(HEAD), _line(["---"] * len(HEAD)), *(_line(cells) for cells in rows)])
+    table = markdown_table(HEAD, rows)
     failed = [outcome for outcome in outcomes if not outcome.passed]
     summary = f"{len(outcomes) - len(failed)} of {len(outcomes)} cases passed."
     print(table)
@@ -61,7 +60,7 @@ def run_zoo(path: Path, markdown: Path | None, baselines: bool = True) -> int:
     for outcome in failed:
         print(f"  {outcome.case.name}: {outcome.fault}")
     if markdown is not None:
-        write_between(markdown, f"{summary}\n\n{table}\n")
+        write_between(markdown, "zoo", f"{summary}\n\n{table}\n")
     return 1 if failed else 0
 
 
@@ -91,18 +90,3 @@ def row(outcome: Outcome, baselines: bool) -> list[str]:
         *others,
         "passed" if outcome.passed else "FAILED",
     ]
-
-
-def _line(cells: list[str] | tuple[str, ...]) -> str:
-    return "| " + " | ".join(cells) + " |"
-
-
-def write_between(path: Path, text: str) -> None:
-    """Replace what stands between the marks; a file without them is not touched."""
-    old = path.read_text() if path.exists() else "\n".join(MARKS) + "\n"
-    if not all(mark in old for mark in MARKS):
-        raise ZooError(
-            f"{path}: the lines {MARKS[0]} and {MARKS[1]} are missing; add them where the table goes"
-        )
-    before, rest = old.split(MARKS[0], 1)
-    path.write_text(f"{before}{MARKS[0]}\n{text}{MARKS[1]}{rest.split(MARKS[1], 1)[1]}")

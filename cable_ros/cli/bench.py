@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cable_ros.cli import _robustness
 from cable_ros.cli._arguments import check_joints, named_range
 
 if TYPE_CHECKING:
@@ -26,8 +27,8 @@ solve_bvp's at a tolerance of 1e-10. Several --joint move together."""
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser = subparsers.add_parser(
         "bench",
-        help="work-precision diagram against the baselines",
-        description="Measure speed and accuracy on this machine.",
+        help="speed, accuracy and robustness, beside the baselines",
+        description="Measure speed, accuracy and robustness on this machine.",
         epilog="example:\n  cable bench precision --quick",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -54,9 +55,15 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     precision.add_argument("--out", metavar="DIR", type=Path, default=Path("bench"), help="default: bench/")
     precision.add_argument("--quick", action="store_true", help="fewer settings and poses: half a minute")
+    _robustness.add_parser(benchmarks)
 
 
 def run(args: argparse.Namespace) -> int:
+    if args.benchmark == "robustness":
+        from cable_ros.bench import robustness
+
+        return robustness.run(args)
+
     from tqdm import tqdm
 
     from cable_ros import plots

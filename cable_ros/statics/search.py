@@ -138,7 +138,7 @@ def equilibria(
 
 
 def same(a: Found, b: Found) -> bool:
-    """Whether two finds are one equilibrium: mirror images share twist and energy, but not the end's moment."""
+    """Whether two finds are one equilibrium; mirror images share twist and energy, not the end moment."""
     moment = a.rod.g[-1]
     return (
         abs(a.twist - b.twist) < 1e-3
