@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cable_ros.effects import properties
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.follower import Follower
 from cable_ros.scene import Kinematics, Scene
@@ -34,6 +35,6 @@ def branches(
     values = np.array([joints[name] for name in kinematics.joint_names], dtype=float)
     poses = kinematics.poses(values)
     return {
-        cable.name: Follower(cable, scene.gravity, tolerance, polyline_points).branches(values, poses[i])
+        cable.name: Follower(cable, properties(scene, cable), tolerance, polyline_points).branches(values, poses[i])
         for i, cable in enumerate(scene.cables)
     }

@@ -10,10 +10,12 @@ import numpy as np
 
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.mechanics import quaternion
+from cable_ros.mechanics.effects.effect import Properties
 from cable_ros.mechanics.elements import Sampling, sampling
 from cable_ros.scene import Cable
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
+from cable_ros.statics.change import Section, follow
 from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.units import Units, relative
@@ -29,15 +31,21 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 class Follower:
     """Keeps one cable on its branch. Poses come in as world poses of its two clamps, (2, 7)."""
 
-    def __init__(self, cable: Cable, gravity: np.ndarray, tolerance: float, polyline_points: int) -> None:
+    def __init__(self, cable: Cable, properties: Properties, tolerance: float, polyline_points: int) -> None:
         self.name = cable.name
         self.tolerance, self.polyline_points = tolerance, polyline_points
         self._hint = cable.total_twist
-        self._units = Units(cable.length, float(np.sqrt(cable.stiffness[0] * cable.stiffness[1])))
-        self._stiffness = cable.stiffness / self._units.stiffness
-        self._weight = cable.linear_density * np.asarray(gravity, float)
+        self.environment: dict[str, float] = {}
+        self._use(properties)
         self._sampling: tuple[Rod, int, Sampling] | None = None
         self.reset()
+
+    def _use(self, properties: Properties) -> None:
+        bending = properties.stiffness[:2]
+        self._units = Units(properties.length, float(np.sqrt(bending[0] * bending[1])))
+        self._stiffness = properties.stiffness / self._units.stiffness
+        self._natural = np.zeros(3) if properties.natural is None else properties.natural * properties.length
+        self._weight = properties.weight
 
     def reset(self) -> None:
         """Forget the equilibrium."""
@@ -47,6 +55,27 @@ class Follower:
         self._twist: float | None = None
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
+
+    def become(
+        self, properties: Properties, kinematics: Callable[[np.ndarray], np.ndarray], index: int
+    ) -> None:
+        """Go on with other properties, on the same branch; `kinematics(joints)[index]`: where the clamps are.
+
+        Where the branch ends on the way, the next solve searches for the equilibrium nearest in twist.
+        """
+        before, rod = self._units, self._rod
+        self._use(properties)
+        if rod is None:
+            return
+        poses = kinematics(self._joints)[index]
+        load = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)[2]
+        changed = follow(rod, self._q, self._F, Section(self._stiffness, self._natural, load),
+                         self._units.force / before.force, ALGEBRAIC * self.tolerance)  # fmt: skip
+        self._estimate = np.inf
+        if changed is None:
+            self._rod = None
+        else:
+            self._rod, self._q, self._F = changed
 
     def _conditions(self, poses: np.ndarray, before: np.ndarray) -> Conditions:
         return Conditions(*relative(poses, before, self._weight, self._units.length, self._units.force))
@@ -118,7 +147,7 @@ class Follower:
             if excess <= 0.0:
                 message = f"The clamps are as far apart as the cable is long ({self._units.length:g} m): its tension has no bound."
             return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
-        found = equilibria(self._stiffness, None, conditions, hint, self.tolerance, thorough=False)
+        found = equilibria(self._stiffness, self._natural, conditions, hint, self.tolerance, thorough=False)
         if hint is not None:
             found.sort(key=lambda one: abs(one.twist - hint))
         for one in found:
@@ -139,7 +168,7 @@ class Follower:
         found: list[Found] = []
         for turns in (-1, 0, 1):
             hint = (self._hint or 0.0) + 2.0 * np.pi * turns
-            for one in equilibria(self._stiffness, None, conditions, hint, self.tolerance):
+            for one in equilibria(self._stiffness, self._natural, conditions, hint, self.tolerance):
                 fine, estimate = refine(one, self.tolerance)
                 if estimate <= self.tolerance and not any(same(fine, other) for other in found):
                     found.append(fine)

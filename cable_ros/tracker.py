@@ -6,9 +6,11 @@ import copy
 import math
 import time
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
+from cable_ros.effects import environments, properties
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.follower import Follower
 from cable_ros.scene import Kinematics, Scene, load_scene
@@ -38,7 +40,8 @@ class Tracker:
         self._check(tolerance, polyline_points)
         self._tolerance, self._polyline_points = float(tolerance), int(polyline_points)
         self._followers = tuple(
-            Follower(cable, self.scene.gravity, self._tolerance, self._polyline_points) for cable in self.scene.cables
+            Follower(cable, properties(self.scene, cable), self._tolerance, self._polyline_points)
+            for cable in self.scene.cables
         )
         self._joints: np.ndarray | None = None
 
@@ -78,6 +81,27 @@ class Tracker:
         self._joints = None
         for follower in self._followers:
             follower.reset()
+
+    def set_environment(self, values: Mapping[str, Any]) -> None:
+        """Temperature, dose and what else the scene has tables for; holds until changed again, also over `reset`.
+
+        The cables follow on their branches, in small changes where the step is large; the next solve tells.
+
+        Args:
+            values: by name, for all cables that depend on it, such as {"temperature": 20.0}, degC, {"dose": 1e4}, Gy;
+                or by cable, such as {"camera_cable": {"temperature": 20.0}}.
+
+        Raises:
+            ValueError: one sentence: nothing depends on it, not a finite number, or outside the scene's table;
+                nothing has changed then.
+        """
+        before = {follower.name: follower.environment for follower in self._followers}
+        after = environments(self.scene, before, values)
+        for i, (cable, follower) in enumerate(zip(self.scene.cables, self._followers, strict=True)):
+            if after[cable.name] != follower.environment:
+                follower.environment = after[cable.name]
+                new = properties(self.scene, cable, environment=follower.environment)
+                follower.become(new, self.kinematics.poses, i)
 
     def snapshot(self) -> tuple[Follower, ...]:
         """A copy of what the next solve starts from, for `restore`; can be pickled."""

@@ -1,0 +1,71 @@
+"""The same cable with other properties: its equilibrium followed from the old ones to the new ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cable_ros.statics import compiled
+from cable_ros.statics.rod import Rod
+
+LARGEST = 0.3
+"""Largest change of a stiffness's logarithm in one step."""
+SMALLEST = 1e-3
+"""Smallest part of the change in one step before it counts as barred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """What a rod is made of and carries, in the cable's units and the start clamp's frame."""
+
+    stiffness: np.ndarray
+    """(3,)"""
+    natural: np.ndarray
+    """(3,)"""
+    load: np.ndarray
+    """(3,)"""
+
+
+def between(a: Section, b: Section, t: float) -> Section:
+    """Part of the way from a to b, 0 <= t <= 1; stiffness by ratios, all else by differences."""
+    return Section(
+        a.stiffness ** (1.0 - t) * b.stiffness**t if t < 1.0 else b.stiffness,
+        (1.0 - t) * a.natural + t * b.natural,
+        (1.0 - t) * a.load + t * b.load,
+    )
+
+
+def follow(
+    rod: Rod, q: np.ndarray, F: np.ndarray, target: Section, scale: float, tolerance: float
+) -> tuple[Rod, np.ndarray, np.ndarray] | None:
+    """The equilibrium (q, F) of a rod, followed to the target at fixed clamps; None where its branch ends.
+
+    `scale` is the new unit of force over the old one. The rod itself is left as it is.
+    """
+    before = Section(rod.K / scale, rod.natural, rod.f / scale)
+    F = F / scale
+    logarithm = float(np.abs(np.log(target.stiffness / before.stiffness)).max())
+    at, step = 0.0, min(1.0, LARGEST / max(logarithm, 1e-300))
+    while at < 1.0:
+        to = min(1.0, at + step)
+        here, there = between(before, target, at), between(before, target, to)
+        new = Rod(rod.mesh, there.stiffness, there.natural)
+        new.set_conditions(rod.qe, rod.re, here.load)
+        new.linearize(q, F)
+        if new.factor(0.0):
+            code, iterations, q_new, F_new = new.advance(
+                q, F, rod.qe, rod.re, there.load, tolerance, limit=0.35
+            )
+            if code == compiled.ADVANCED:
+                at, q, F = to, q_new, F_new
+                if at == 1.0:
+                    return new, q, F
+                if iterations <= 4:
+                    step *= 2.0
+                step = min(step, LARGEST / max(logarithm, 1e-300))
+                continue
+        step *= 0.5
+        if step < SMALLEST:
+            return None
+    return None
