@@ -60,10 +60,20 @@ def named_range(text: str) -> tuple[str, np.ndarray]:
 
 def relative_tolerance(text: str) -> float:
     """A number between 1e-12 and 0.1, both included."""
-    value = quantity(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not 1e-12 <= value <= 0.1:
-        raise argparse.ArgumentTypeError(f"{text} is not between 1e-12 and 0.1, such as 1e-4")
+        raise argparse.ArgumentTypeError(f"'{text}' is not between 1e-12 and 0.1, such as 1e-4")
     return value
+
+
+def process_count(text: str) -> int:
+    """A whole number from 1 on."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number of processes, such as 4")
+    return int(text)
 
 
 def joint_values(pairs: Sequence[tuple[str, float]], needed: Iterable[str]) -> dict[str, float]:

@@ -23,6 +23,13 @@ EXTRAS = {
     "geometry_msgs": "ros",
 }
 """The extra of our package that brings what a command may miss."""
+_REMEDIES: dict[type, str] = {
+    FileNotFoundError: "there is no such file or folder; check the path",
+    FileExistsError: "a file of this name is in the way; name another folder",
+    NotADirectoryError: "a part of this path is a file, not a folder; name another",
+    IsADirectoryError: "it is a folder; name a file",
+    PermissionError: "this user may not do that there; name another place",
+}
 
 
 class Parser(argparse.ArgumentParser):
@@ -115,7 +122,7 @@ def _sentence(error: Exception) -> str:
         remedy = f"pip install 'cable_ros[{extra}]'" if extra else "install it"
         return f"the Python package '{package}' is missing; {remedy}"
     if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"
+        return f"{error.filename}: {_REMEDIES.get(type(error), error.strerror)}"
     return " ".join(str(error).split())
 
 

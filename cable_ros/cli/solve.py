@@ -59,7 +59,8 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps({name: as_json(found) for name, found in equilibria.items()}, indent=2))
     else:
-        print("\n\n".join(describe(name, found) for name, found in equilibria.items()))
+        trusted = [describe(name, found) for name, found in equilibria.items() if found.status.trusted]
+        print("\n\n".join(trusted), end="\n" if trusted else "")
     refused = {name: found for name, found in equilibria.items() if not found.status.trusted}
     for name, found in refused.items():
         print(f"cable solve: {name}: {found.message}", file=sys.stderr)
@@ -67,10 +68,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def describe(name: str, found: Equilibrium) -> str:
-    """The equilibrium as a person reads it; no number when it cannot be trusted."""
+    """The equilibrium as a person reads it."""
     title = f"{name}: {found.message}"
-    if not found.status.trusted:
-        return title
     turn = math.degrees(found.total_twist)
     return "\n".join(
         [

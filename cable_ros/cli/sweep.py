@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cable_ros.cli._arguments import check_joints, named_range, relative_tolerance
+from cable_ros.cli._arguments import check_joints, named_range, process_count, relative_tolerance
 
 if TYPE_CHECKING:
     from cable_ros.scene import Scene
@@ -61,7 +61,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="of the end wrench (default 1e-4)",
     )
     parser.add_argument(
-        "--jobs", metavar="N", type=int, default=0, help="processes (default: one for each core)"
+        "--jobs", metavar="N", type=process_count, help="processes (default: one for each core)"
     )
 
 

@@ -68,7 +68,9 @@ class LogReader:
 
     def _open(self) -> None:
         if not has_magic(self._stream):
-            raise LogError(f"Cannot read {self.path}: it does not begin as an MCAP file does (byte 0).")
+            raise LogError(
+                f"Cannot read {self.path}: it does not begin as an MCAP file does; name a log (.mcap)."
+            )
         self._stream.seek(0)
         summary = self._summary()
         statistics = summary.statistics

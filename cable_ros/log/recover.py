@@ -68,7 +68,7 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
         raise LogError(describe(error, path, "read")) from None
     with stream:
         if not has_magic(stream):
-            raise LogError(f"Cannot read {path}: it does not begin as an MCAP file does (byte 0).")
+            raise LogError(f"Cannot read {path}: it does not begin as an MCAP file does; name a log (.mcap).")
         copy = _Copy(out)
         copy.announce(_summary(stream))
         try:

@@ -13,6 +13,7 @@ from cable_ros.cli._arguments import (
     joint_values,
     named_quantity,
     named_range,
+    process_count,
     quantity,
     relative_tolerance,
 )
@@ -67,9 +68,16 @@ def test_bad_ranges(text):
 
 def test_relative_tolerance():
     assert relative_tolerance("1e-7") == 1e-7
-    for text in ("0", "-1e-4", "1", "nan"):
-        with pytest.raises(argparse.ArgumentTypeError):
+    for text in ("0", "-1e-4", "1", "nan", "1deg", "fine"):
+        with pytest.raises(argparse.ArgumentTypeError, match="not between"):
             relative_tolerance(text)
+
+
+def test_process_count():
+    assert process_count("4") == 4
+    for text in ("0", "-3", "two", "1.5"):
+        with pytest.raises(argparse.ArgumentTypeError, match="not a number of processes"):
+            process_count(text)
 
 
 def test_joint_values_are_exactly_the_needed_ones():

@@ -61,6 +61,13 @@ def test_version(capsys):
         (["solve", "scene.yaml", "--joint", "orientation=nan"], "not finite"),
         (["solve", "scene.yaml", "--tolerance", "2"], "between"),
         (["solve", "no/such/scene.yaml"], "no/such/scene.yaml"),
+        (["sweep", "scene.yaml", "--out", "out.csv", "--jobs", "-3"], "not a number of processes"),
+        (["sweep", "scene.yaml", "--out", "out.txt"], "must end in .csv, .parquet or .mcap"),
+        (["plot", "no/such/log.mcap"], "there is no such file"),
+        (["plot", __file__], "name a log (.mcap)"),
+        (["log", "recover", __file__], "name a log (.mcap)"),
+        (["replay", "no/such/log.mcap"], "say what to do: --resolve, or --with SCENE"),
+        (["demo", "--out", __file__], "a file of this name is in the way; name another folder"),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(capsys, arguments, word):
