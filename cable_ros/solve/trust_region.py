@@ -81,7 +81,8 @@ def minimize(problem: Problem, x: Any, y: np.ndarray, options: Options = Options
         s, dy = problem.step(gradient, c)
         length = problem.norm(s) if convex else np.inf
         if convex and length <= options.step_tolerance and violation <= options.constraint_tolerance:
-            return Minimum(x, y, True, objective, violation, iteration)
+            # the step is at hand, and what it leaves is of its square
+            return Minimum(problem.retract(x, s), y + dy, True, objective, violation, iteration)
         if not length <= radius:
             s, dy = _limited_step(problem, gradient, c, radius)
             length = problem.norm(s)

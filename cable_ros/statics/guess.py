@@ -92,15 +92,44 @@ def bulges(qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> list[np.ndarray | N
     return out + [across, -across, other, -other]
 
 
+def unloaded(nodes: np.ndarray, qe: np.ndarray, natural: np.ndarray) -> Iterator[np.ndarray]:
+    """Frames (n, 4) of the unloaded helix, turned evenly along it so that its end meets the end clamp.
+
+    The same with a turn of twist more and less.
+    """
+    helix = np.array([_turn(s * natural) for s in nodes])
+    rest = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(helix[-1]), qe))
+    closed = np.array([quaternion.multiply(q, _turn(s * rest)) for q, s in zip(helix, nodes, strict=True)])
+    for turns in (0, 1, -1):
+        yield spin(closed, nodes, 2.0 * np.pi * turns)
+
+
+def _turn(v: np.ndarray) -> np.ndarray:
+    """The quaternion of the rotation vector v."""
+    angle = float(np.linalg.norm(v))
+    return np.concatenate(([np.cos(0.5 * angle)], 0.5 * np.sinc(0.5 * angle / np.pi) * v))
+
+
 def starts(
-    nodes: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, hint: float | None
+    nodes: np.ndarray,
+    qe: np.ndarray,
+    re: np.ndarray,
+    f: np.ndarray,
+    hint: float | None,
+    natural: np.ndarray | None = None,
 ) -> Iterator[np.ndarray]:
-    """Frames (n, 4) to start a search from: every curve with its likely twists, those near the hint first."""
+    """Frames (n, 4) to start a search from: every curve with its likely twists, those near the hint first.
+
+    A cable that is not straight without load, `natural` (3,), also starts from its own shape.
+    """
+    natural = np.zeros(3) if natural is None else natural
+    if natural.any():
+        yield from unloaded(nodes, qe, natural)
     frames = [transport(tangents(nodes, qe, re, bulge)) for bulge in bulges(qe, re, f)]
     turns = []
     for rank, q in enumerate(frames):
         base = closing_turn(q, qe)
-        centre = 0.0 if hint is None else hint
+        centre = natural[2] if hint is None else hint
         nearest = base + 2.0 * np.pi * np.round((centre - base) / (2.0 * np.pi))
         reach = 1.1 if rank == 0 else 0.8
         for k in (-1, 0, 1):
