@@ -123,9 +123,10 @@ def equilibria(
 
     With a hint and not `thorough`, the search ends with the first one whose twist is within 0.02 rad of it.
     """
-    mesh = first_mesh(conditions, hint or 0.0, tolerance)
+    natural = np.zeros(3) if natural is None else natural
+    mesh = first_mesh(conditions, abs(hint or 0.0) + float(np.linalg.norm(natural)), tolerance)
     found: list[Found] = []
-    for q in starts(mesh.nodes, conditions.qe, conditions.re, conditions.f, hint):
+    for q in starts(mesh.nodes, conditions.qe, conditions.re, conditions.f, hint, natural):
         rod = Rod(mesh, stiffness, natural)
         rod.set_conditions(conditions.qe, conditions.re, conditions.f)
         one = settle(rod, q, np.zeros(3), Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8))
