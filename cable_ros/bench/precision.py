@@ -124,16 +124,16 @@ class Bench:
 
     def precision(self) -> Iterator[Row]:
         """The work-precision rows, warm and cold."""
-        poses = self._poses(self.scene, self.path, self.size.references, 1e-10)
+        poses = self.poses(self.scene, self.path, self.size.references, 1e-10)
         size = self.size
         ours = [OurTracker(self.scene, tolerance) for tolerance in size.tolerances]
         theirs = [SolveBvp(tolerance) for tolerance in size.bvp_tolerances]
         methods: list[Method] = [*ours, *theirs, *(Published(parts) for parts in size.parts)]
-        yield from self._warm("warm", methods, poses)
+        yield from self.warm("warm", methods, poses)
         coarse = [parts for parts in size.parts if parts <= 640]  # from ones, finer grids take minutes
         methods = [*ours, *theirs]
         methods += [Published(parts, start) for start in (False, True) for parts in coarse]
-        yield from self._cold(methods, [pose for pose in poses if pose.reference is not None])
+        yield from self.cold(methods, [pose for pose in poses if pose.reference is not None])
 
     def effects(self) -> Iterator[Row]:
         """The default tolerance with each effect that the scene's schema knows switched on."""
@@ -176,11 +176,11 @@ class Bench:
     def _ours(
         self, panel: str, label: str, value: float, scene: Scene, path: np.ndarray, *others: Method
     ) -> Iterator[Row]:
-        poses = self._poses(scene, path, 5, 1e-7)
-        for row in self._warm(panel, [OurTracker(scene, 1e-4), *others], poses):
+        poses = self.poses(scene, path, 5, 1e-7)
+        for row in self.warm(panel, [OurTracker(scene, 1e-4), *others], poses):
             yield Row(**{**row.__dict__, "setting": label, "value": value})
 
-    def _poses(self, scene: Scene, path: np.ndarray, references: int, tolerance: float) -> list[Pose]:
+    def poses(self, scene: Scene, path: np.ndarray, references: int, tolerance: float) -> list[Pose]:
         """The poses of a path; the first, the last and some between with their references."""
         kinematics = Kinematics(scene)
         names = kinematics.joint_names
@@ -215,7 +215,7 @@ class Bench:
             self.agreement = max(self.agreement, relative_wrench_error(start.end_wrench, refined.end_wrench))
         return refined
 
-    def _warm(self, panel: str, methods: Sequence[Method], poses: Sequence[Pose]) -> Iterator[Row]:
+    def warm(self, panel: str, methods: Sequence[Method], poses: Sequence[Pose]) -> Iterator[Row]:
         outcomes: list[list[Outcome]] = [[] for _ in methods]
         if poses[0].reference is None:
             return
@@ -228,7 +228,7 @@ class Bench:
         for method, done in zip(methods, outcomes, strict=True):
             yield _row(panel, method, poses, done)
 
-    def _cold(self, methods: Sequence[Method], poses: Sequence[Pose]) -> Iterator[Row]:
+    def cold(self, methods: Sequence[Method], poses: Sequence[Pose]) -> Iterator[Row]:
         outcomes: list[list[Outcome]] = [[] for _ in methods]
         for pose in poses:
             for method, done in zip(methods, outcomes, strict=True):
