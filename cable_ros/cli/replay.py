@@ -85,7 +85,7 @@ def _resolve(logged: LoggedRun, scene: Scene, tolerance: float) -> int:
     from cable_ros.log.resolve import Outcome
 
     outcome = Outcome()
-    for _ in _solves(logged, scene, outcome):
+    for _ in _solves(logged, scene, outcome, own_environment=False):
         pass
     print(f"{logged.name}: {outcome.solves} poses solved again")
     for (cable, clamp), comparison in sorted(outcome.comparisons.items()):
@@ -99,7 +99,7 @@ def _resolve(logged: LoggedRun, scene: Scene, tolerance: float) -> int:
     return 0 if within else 1
 
 
-def _solves(logged: LoggedRun, scene: Scene, outcome: Outcome) -> Any:
+def _solves(logged: LoggedRun, scene: Scene, outcome: Outcome, own_environment: bool) -> Any:
     """`resolve` with a progress bar."""
     from tqdm import tqdm
 
@@ -107,8 +107,9 @@ def _solves(logged: LoggedRun, scene: Scene, outcome: Outcome) -> Any:
     from cable_ros.tracker import Tracker
 
     tracker = Tracker(scene, logged_tolerance(logged.logs[0]))
+    solves = resolve(logged, tracker, outcome, own_environment)
     # disable=None: no bar where nobody looks.
-    return tqdm(resolve(logged, tracker, outcome), desc="solve", unit="pose", disable=None)
+    return tqdm(solves, total=logged.count, desc="solve", unit="pose", disable=None)
 
 
 def _line(cable: str, clamp: str, comparison: Comparison, begin: int) -> str:
@@ -131,6 +132,10 @@ def _caveats(logged: LoggedRun, outcome: Outcome) -> list[str]:
         lines.append("The log begins in the middle of a run: its first solve was warm, this one was cold.")
     if outcome.gaps:
         lines.append(f"{outcome.gaps} solves are missing: they were dropped because the disk was too slow.")
+    if outcome.environments:
+        lines.append(
+            "The environment is the scene's own; the temperatures and doses of the log were left out."
+        )
     return lines
 
 
@@ -145,7 +150,7 @@ def _what_if(logged: LoggedRun, scene: Scene, path: Path, folder: Path) -> None:
     refused = 0
     outcome = Outcome()
     with WhatIfLog(folder / f"{stem}.mcap", scene, logged.logs[0]) as log:
-        for solve, equilibria in _solves(logged, scene, outcome):
+        for solve, equilibria in _solves(logged, scene, outcome, own_environment=True):
             log.write(solve, equilibria)
             refused += sum(not found.status.trusted for found in equilibria.values())
             if (outcome.solves - 1) % stride == 0:
@@ -157,6 +162,8 @@ def _what_if(logged: LoggedRun, scene: Scene, path: Path, folder: Path) -> None:
     print(f"{folder / f'{stem}.mcap'}: {outcome.solves} poses under {path}{without}")
     for (cable, clamp), comparison in sorted(outcome.comparisons.items()):
         print("  " + _line(cable, clamp, comparison, logged.logs[0].start))
+    for caveat in _caveats(logged, outcome):
+        print(caveat)
     print(f"{picture}: the end wrenches, logged and under {path.stem}, side by side")
 
 

@@ -26,11 +26,14 @@ EVENTS = "events"
 STRING = "std_msgs/msg/String"
 
 START = "start"
-"""A log begins: `tolerance`, `polyline_points`, `fresh` (whether the tracker has not solved anything yet)."""
+"""A log begins: `tolerance`, `polyline_points`, `fresh` (whether the tracker has not solved anything yet),
+and `environment` as in ENVIRONMENT where it is not the scene's."""
 RESET = "reset"
 """`Tracker.reset()` was called."""
 SET = "set"
 """A setting of the tracker changed: `tolerance` or `polyline_points` with the new value."""
+ENVIRONMENT = "environment"
+"""`Tracker.set_environment` was called: `environment` is what it was given."""
 
 
 def encode_event(event: str, **values: Any) -> bytes:

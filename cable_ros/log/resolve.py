@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 from cable_ros.equilibrium import Equilibrium
-from cable_ros.log.events import RESET, SET, START
+from cable_ros.log.events import ENVIRONMENT, RESET, SET, START
 from cable_ros.log.reader import PARAMETERS, LogReader
 from cable_ros.log.run import CLAMPS, Event, Gap, LoggedRun, Solve
 from cable_ros.scene import Scene, load_scene
@@ -74,6 +74,8 @@ class Outcome:
     """Solves that the log lacks because they were dropped."""
     fresh: bool = True
     """Whether the log begins with a tracker that had not solved anything."""
+    environments: int = 0
+    """Logged changes of the environment that were left out."""
     comparisons: dict[tuple[str, str], Comparison] = field(default_factory=dict)
     """By cable and clamp."""
 
@@ -103,12 +105,15 @@ def logged_tolerance(log: LogReader, default: float = 1e-4) -> float:
 
 
 def resolve(
-    run: LoggedRun, tracker: Tracker, outcome: Outcome
+    run: LoggedRun, tracker: Tracker, outcome: Outcome, own_environment: bool = False
 ) -> Iterator[tuple[Solve, dict[str, Equilibrium]]]:
-    """Feed `run` to `tracker`; yields every solve with its new equilibria, and keeps count in `outcome`."""
+    """Feed `run` to `tracker`; yields every solve with its new equilibria, and keeps count in `outcome`.
+
+    `own_environment`: the temperatures of the tracker's scene hold, not those of the log.
+    """
     for item in run:
         if isinstance(item, Event):
-            _apply(item, tracker, outcome)
+            _apply(item, tracker, outcome, own_environment)
         elif isinstance(item, Gap):
             outcome.gaps += item.count
         elif all(name in item.joints for name in tracker.joint_names):
@@ -123,7 +128,12 @@ def resolve(
             yield item, equilibria
 
 
-def _apply(event: Event, tracker: Tracker, outcome: Outcome) -> None:
+def _apply(event: Event, tracker: Tracker, outcome: Outcome, own_environment: bool) -> None:
+    if "environment" in event.values and event.kind in (START, ENVIRONMENT):
+        if own_environment:
+            outcome.environments += 1
+        else:
+            tracker.set_environment(event.values["environment"])
     if event.kind == RESET:
         tracker.reset()
     elif event.kind in (START, SET):

@@ -12,6 +12,7 @@ from cable_ros.cli.main import main
 from cable_ros.log import events
 from cable_ros.log.errors import LogError
 from cable_ros.log.events import encode_event, encode_solved_joints
+from cable_ros.log.history import read_history
 from cable_ros.log.reader import LogReader
 from cable_ros.log.resolve import Outcome, logged_scene, logged_tolerance, resolve
 from cable_ros.log.run import Gap, LoggedRun
@@ -31,8 +32,8 @@ EVENTS = "/cable_node/events"
 class FakeNode:
     """Solves and logs as the node does."""
 
-    def __init__(self, path: Path, *, exact: bool = True, **arguments) -> None:
-        scene = load_scene(ARM)
+    def __init__(self, path: Path, *, exact: bool = True, scene: Path = ARM, **arguments) -> None:
+        scene = load_scene(scene)
         attachments = {
             "scene.yaml": scene.text,
             "robot.urdf": scene.robot.urdf,
@@ -123,6 +124,27 @@ def test_resets_and_settings_are_repeated_where_they_happened(tmp_path):
     outcome = again(tmp_path / "silent.mcap")
     assert not outcome.within(0.0)
     assert outcome.within(2e-4)  # twice the tolerance of the coarser of both
+
+
+def test_the_environment_is_repeated_or_left_to_another_scene(tmp_path, capsys):
+    cold = share_file("config", "space_arm_cold.yaml")
+    node = FakeNode(tmp_path / "run.mcap", scene=cold)
+    for i, angle in enumerate(ANGLES):
+        if i in (0, 15):
+            node.tracker.set_environment({"temperature": -3.0 * i})
+            node.event(events.ENVIRONMENT, environment={"temperature": -3.0 * i})
+        node.solve(float(angle))
+    node.close()
+    assert again(tmp_path / "run.mcap").within(0.0)
+
+    assert main(["replay", str(tmp_path / "run.mcap"), "--with", str(cold), "--out", str(tmp_path)]) == 0
+    assert "temperatures and doses of the log were left out" in capsys.readouterr().out
+    coldest = Tracker(load_scene(cold)).solve({"orientation": float(ANGLES[3])})["camera_cable"].end_wrench
+    new = read_history(tmp_path / "run_with_space_arm_cold.mcap").end_wrenches["camera_cable"][3]
+    # The one cold, the other tracked, each within 1e-4 of the truth.
+    assert np.linalg.norm(new - coldest) <= 2e-4 * np.linalg.norm(coldest)
+    logged = read_history(tmp_path / "run.mcap").end_wrenches["camera_cable"][3]
+    assert np.linalg.norm(new - logged) > 0.01 * np.linalg.norm(coldest)
 
 
 def test_a_split_run_is_reproduced_from_all_its_files(tmp_path):
