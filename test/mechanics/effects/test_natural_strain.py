@@ -57,9 +57,9 @@ def distance(found: np.ndarray, expected: np.ndarray) -> float:
 
 @pytest.mark.parametrize("natural", [(0.0, 2.5, 0.0), (1.0, 2.0, 3.0), (0.0, 6.0, 2.0), (0.0, 35.0, 2.0)])
 def test_held_as_it_lies_it_pulls_at_nothing(natural: tuple[float, float, float]) -> None:
-    # No finer: the error of a wrench that vanishes is told relative to 1e-6 EI / L^2, where rounding soon counts.
+    # No finer: a vanishing wrench's error is told relative to 1e-6 EI / L^2, where rounding soon counts.
     found = solve(scene(natural, *helix(np.array(natural))), 1e-4)
-    # The square of the last step, and rounding, beside EI / L^2 = 0.03 N: the elements hold this shape exactly.
+    # The last step's square, and rounding, beside EI / L^2 = 0.03 N: the elements hold this shape exactly.
     assert np.abs(found.end_wrench).max() < 1e-9
     assert found.total_twist == pytest.approx(natural[2] * LENGTH, abs=1e-9)
     assert found.energy < 1e-12
@@ -78,7 +78,7 @@ def test_bent_from_one_circle_to_another(curvature: float) -> None:
 
 def test_helix_wound_tighter() -> None:
     # A round rod of natural strain (0, k0, c0) as a helix of (0, k, c): with the strain uniform, the force is
-    # parallel to it, F = p (0, k, c), and the balance of moments gives p = (k GJ (c - c0) - c EI (k - k0)) / k.
+    # parallel to it, F = p (0, k, c); the balance of moments gives p = (k GJ (c - c0) - c EI (k - k0)) / k.
     k0, c0, k, c = 3.0, 1.0, 3.6, 1.5
     bending, torsion = 0.02, 0.015
     found = solve(scene((0.0, k0, c0), *helix(np.array([0.0, k, c]))))
