@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numba import njit
 
 from cable_ros.mechanics import quaternion
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
 
 _U = np.linspace(0.0, 1.0, 129)
 _HERMITE = np.stack([3 * _U**2 - 2 * _U**3, _U - 2 * _U**2 + _U**3, _U**3 - _U**2, 16 * (_U * (1 - _U)) ** 2])
@@ -29,10 +32,11 @@ def tangents(nodes: np.ndarray, qe: np.ndarray, re: np.ndarray, bulge: np.ndarra
     along = np.outer(_SLOPES[1], [0.0, 0.0, 1.0]) + np.outer(_SLOPES[2], end)
     if bulge is not None:
         base, along = base + 0.5 * along, np.outer(_SLOPES[3], bulge)
+    square, product, other = ((a * b).sum(axis=1) for a, b in ((base, base), (base, along), (along, along)))
     low, high = 0.0, 8.0
     for _ in range(30):
         middle = 0.5 * (low + high)
-        speed = np.linalg.norm(base + middle * along, axis=1)
+        speed = np.sqrt(np.maximum(square + middle * (2.0 * product + middle * other), 0.0))
         length = (speed.sum() - 0.5 * (speed[0] + speed[-1])) / (len(_U) - 1)
         low, high = (middle, high) if length < 1.0 else (low, middle)
     slope = base + max(low, 1e-3) * along
@@ -48,17 +52,25 @@ def tangents(nodes: np.ndarray, qe: np.ndarray, re: np.ndarray, bulge: np.ndarra
     return t / np.linalg.norm(t, axis=1, keepdims=True)
 
 
+@njit(**OPTIONS)
 def transport(t: np.ndarray) -> np.ndarray:
     """Twist-free frames (n, 4) along the unit tangents t (n, 3), from the identity."""
-    q = np.empty((len(t), 4))
-    q[0] = (1.0, 0.0, 0.0, 0.0)
-    for i in range(1, len(t)):
+    q = np.empty((t.shape[0], 4))
+    q[0, 0], q[0, 1], q[0, 2], q[0, 3] = 1.0, 0.0, 0.0, 0.0
+    turn = np.empty(4)
+    for i in range(1, t.shape[0]):
         a, b = t[i - 1], t[i]
-        turn = np.concatenate(([1.0 + a @ b], np.cross(a, b)))
-        size = np.linalg.norm(turn)
+        turn[0] = 1.0 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+        turn[1] = a[1] * b[2] - a[2] * b[1]
+        turn[2] = a[2] * b[0] - a[0] * b[2]
+        turn[3] = a[0] * b[1] - a[1] * b[0]
+        size = np.sqrt((turn**2).sum())
         if size < 1e-6:  # straight back: any axis across
-            axis = np.cross(a, [1.0, 0.0, 0.0] if abs(a[0]) < 0.7 else [0.0, 1.0, 0.0])
-            turn, size = np.concatenate(([0.0], axis)), np.linalg.norm(axis)
+            if abs(a[0]) < 0.7:
+                turn[0], turn[1], turn[2], turn[3] = 0.0, 0.0, a[2], -a[1]
+            else:
+                turn[0], turn[1], turn[2], turn[3] = 0.0, -a[2], 0.0, a[0]
+            size = np.sqrt((turn**2).sum())
         q[i] = quaternion.multiply(turn / size, q[i - 1])
     return q
 
@@ -71,11 +83,10 @@ def closing_turn(q: np.ndarray, qe: np.ndarray) -> float:
 
 def spin(q: np.ndarray, nodes: np.ndarray, angle: float) -> np.ndarray:
     """The frames q turned about their tangents by `angle` times the arc length."""
-    out = np.empty_like(q)
-    for i, s in enumerate(nodes):
-        half = 0.5 * angle * s
-        out[i] = quaternion.multiply(q[i], np.array([np.cos(half), 0.0, 0.0, np.sin(half)]))
-    return out
+    half = 0.5 * angle * nodes
+    w, x, y, z = q.T
+    c, s = np.cos(half), np.sin(half)
+    return np.stack([w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s], axis=1)
 
 
 def bulges(qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> list[np.ndarray | None]:
