@@ -163,7 +163,7 @@ def refine(
     )
     return Verification(
         converged=True,
-        stable=_no_conjugate_point(maps),
+        stable=_no_conjugate_point(maps, scale_f**-0.5),
         wrench_error=float(errors[1]),
         start_wrench_error=float(errors[0]),
         shape_error=_distance(points, orientations, shape, rod.length),
@@ -319,13 +319,16 @@ def _newton_step(maps: np.ndarray, gap: np.ndarray, scale: np.ndarray) -> np.nda
     return nodes * scale
 
 
-def _no_conjugate_point(maps: np.ndarray) -> bool:
+def _no_conjugate_point(maps: np.ndarray, layer: float) -> bool:
     """Jacobi's criterion: the determinant of the pose part starts positive and must stay so.
 
     The basis of the subspace is made orthonormal at every node (a change of basis with positive
     determinant), so growth along a heavy cable cannot drown it. A part that is straight so far
-    leaves the determinant at rounding level, where its sign says nothing.
+    leaves the determinant at rounding level, where its sign says nothing. Measured by the thickness
+    `layer` of the bends, all parts of a variation are of one size.
     """
+    scale = np.repeat([layer, 1.0, layer**-2, 1.0 / layer], 3)
+    maps = maps * (scale / scale[:, None])
     basis = np.vstack([np.zeros((6, 6)), np.eye(6)])
     for phi in maps:
         basis, upper = np.linalg.qr(phi @ basis)

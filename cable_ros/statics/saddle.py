@@ -12,6 +12,10 @@ from cable_ros.solve import banded
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+NEUTRAL = 1e-6
+"""Part of the elastic stiffness that is always added to the Hessian: an equilibrium that may turn freely, as that
+of a round weightless rod about the line of its clamps, then counts as stable, and can be followed."""
+
 
 @njit(**OPTIONS)
 def solve3(S, b, x):
@@ -73,7 +77,7 @@ def factor(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
     n = A.shape[0]
     for i in range(n):
         for j in range(A.shape[1]):
-            A[i, j] = (1.0 + mu) * elastic[i, j] + geometric[i, j]
+            A[i, j] = (1.0 + NEUTRAL + mu) * elastic[i, j] + geometric[i, j]
     negative, worst = banded.factor(A, 3, n - 3, order, L, pivots)
     for a in range(3):
         for i in range(n):
@@ -118,7 +122,7 @@ def border_factor(elastic, geometric, mu, order, A, U, pivots, V, delta, rows, e
     n = elastic.shape[0]
     for i in range(n):
         for j in range(A.shape[1]):
-            A[i, j] = (1.0 + mu) * elastic[i, j] + geometric[i, j]
+            A[i, j] = (1.0 + NEUTRAL + mu) * elastic[i, j] + geometric[i, j]
     negative, worst = banded.factor(A, 3, n - 3, order, U, pivots)
     expected = equalities
     for a in range(rows):
