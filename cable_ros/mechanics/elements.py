@@ -51,16 +51,16 @@ def lobatto_nodes(order: int) -> np.ndarray:
 
 def lagrange(nodes: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Values and derivatives (m, n) of the n Lagrange polynomials through `nodes` at the m places `at`."""
-    count = len(nodes)
-    values = np.ones((len(at), count))
-    slopes = np.zeros((len(at), count))
-    for i in range(count):
-        others = [k for k in range(count) if k != i]
-        scale = np.prod([nodes[i] - nodes[k] for k in others])
-        values[:, i] = np.prod([at - nodes[k] for k in others], axis=0) / scale
-        for j in others:
-            rest = [at - nodes[k] for k in others if k != j]
-            slopes[:, i] += np.prod(rest, axis=0) / scale if rest else 1.0 / scale
+    apart = nodes[:, None] - nodes
+    np.fill_diagonal(apart, 1.0)
+    values, slopes = np.ones((2, len(at), len(nodes)))
+    slopes[:] = 0.0
+    for j, node in enumerate(nodes):  # one factor after the other, by the product rule
+        factor = (at[:, None] - node) / apart[:, j]
+        factor[:, j] = 1.0
+        slopes = slopes * factor + values / apart[:, j]
+        slopes[:, j] -= values[:, j]
+        values = values * factor
     return values, slopes
 
 
