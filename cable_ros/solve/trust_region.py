@@ -81,8 +81,8 @@ def minimize(problem: Problem, x: Any, y: np.ndarray, options: Options = Options
         s, dy = problem.step(gradient, c)
         length = problem.norm(s) if convex else np.inf
         # along a neutral direction rounding alone makes the step long, but such a step gains nothing
-        drop = float(np.sqrt(abs(np.vdot(gradient, s))))
-        if convex and min(length, drop) <= options.step_tolerance and violation <= options.constraint_tolerance:
+        left = min(length, float(np.sqrt(abs(np.vdot(gradient, s)))))
+        if convex and left <= options.step_tolerance and violation <= options.constraint_tolerance:
             # the step is at hand, and what it leaves is of its square
             return Minimum(problem.retract(x, s), y + dy, True, objective, violation, iteration)
         if not length <= radius:

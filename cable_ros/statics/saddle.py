@@ -13,8 +13,8 @@ from cable_ros.solve import banded
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 NEUTRAL = 1e-6
-"""Part of the elastic stiffness that is always added to the Hessian: an equilibrium that may turn freely, as that
-of a round weightless rod about the line of its clamps, then counts as stable, and can be followed."""
+"""Part of the elastic stiffness that is always added to the Hessian: an equilibrium that may turn freely, as
+that of a round weightless rod about the line of its clamps, then counts as stable, and can be followed."""
 
 
 @njit(**OPTIONS)
