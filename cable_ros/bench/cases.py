@@ -7,7 +7,7 @@ import os
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -156,12 +156,31 @@ def solve_step(tracker: Tracker, scene: Scene, kinematics: Kinematics, joints: P
     steps = []
     for name, rod in rods(scene, kinematics, at).items():
         if usable:
-            verification, fault = judge(rod, answers[name], tracker.tolerance)
+            resolved = _resolved(name, rod, answers[name], tracker, joints)
+            verification, fault = judge(rod, resolved, tracker.tolerance)
         else:
             trusted = answers[name].status.trusted
             verification, fault = None, "trusted without usable joints" if trusted else None
         steps.append(Step(answers[name], rod, verification, seconds, fault))
     return steps
+
+
+def _resolved(name: str, rod: Rod, answer: Equilibrium, tracker: Tracker, joints: Pose) -> Equilibrium:
+    """The answer with a polyline fine enough to verify it: four points to the bends at the clamps.
+
+    The same pose is solved again for it, which must give the same wrench; the verdict is on the first one's.
+    """
+    force = float(np.linalg.norm(answer.end_wrench[:3])) * rod.length**2 / float(np.min(rod.stiffness[:2]))
+    needed = 4.0 * math.sqrt(force) if answer.status.trusted and math.isfinite(force) else 0.0
+    before = tracker.polyline_points
+    if needed <= before:
+        return answer
+    tracker.polyline_points = int(min(needed, 4000.0)) + 1
+    again = tracker.solve(dict(joints))[name]
+    tracker.polyline_points = before
+    if not relative_difference(again.end_wrench, answer.end_wrench, rod) <= 0.1 * tracker.tolerance:
+        return answer
+    return replace(answer, points=again.points, orientations=again.orientations)
 
 
 def run_case(case: Case) -> Outcome:

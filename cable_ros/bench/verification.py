@@ -82,6 +82,10 @@ class Verification:
     shape: Shape | None
 
 
+NEUTRAL_MARGIN = 1e-2
+"""A claim with a smaller stability margin may be one of a family of equilibria that turn into each other freely."""
+
+
 def verify(rod: Rod, claim: Equilibrium, *, iterations: int = 25) -> Verification:
     """Refine `claim` to the true equilibrium beside it and compare.
 
@@ -91,7 +95,10 @@ def verify(rod: Rod, claim: Equilibrium, *, iterations: int = 25) -> Verificatio
     claimed = (claim.points, claim.orientations, claim.start_wrench, claim.end_wrench)
     if not all(np.all(np.isfinite(a)) for a in claimed):
         return _failed(0)
-    return refine(rod, *claimed, iterations=iterations)
+    tries = [refine(rod, *claimed, iterations=iterations)]
+    if claim.stability_margin < NEUTRAL_MARGIN:
+        tries.append(refine(rod, *claimed, iterations=iterations, neutral=True))
+    return min(tries, key=lambda one: one.wrench_error)
 
 
 @np.errstate(all="ignore")
@@ -103,8 +110,12 @@ def refine(
     end_wrench: np.ndarray,
     *,
     iterations: int = 25,
+    neutral: bool = False,
 ) -> Verification:
-    """As `verify`, from bare arrays: centreline (n, 3), orientations (n, 4), both wrenches (6,)."""
+    """As `verify`, from bare arrays: centreline (n, 3), orientations (n, 4), both wrenches (6,).
+
+    Where the claim is `neutral`, one of a family of equilibria, it is compared with the nearest of them.
+    """
     # Units of the cable: length 1, bending stiffness 1.
     stiff = float(np.mean(rod.stiffness[:2]))
     units = np.array([stiff / rod.length**2] * 3 + [stiff / rod.length] * 3)
@@ -133,7 +144,7 @@ def refine(
         gap = _gap(end_state, (r[1:], frames[1:], force[1:], moment[1:]))
         if not np.all(np.isfinite(gap)):
             break
-        step = _newton_step(maps, gap, scale)
+        step = _newton_step(maps, gap, scale, neutral)
         if not np.all(np.isfinite(step)):
             break
         size = float(np.abs(step / scale).max())
@@ -163,7 +174,7 @@ def refine(
     )
     return Verification(
         converged=True,
-        stable=_no_conjugate_point(maps, scale_f**-0.5),
+        stable=_no_conjugate_point(maps[:-1] if neutral else maps, scale_f**-0.5),
         wrench_error=float(errors[1]),
         start_wrench_error=float(errors[0]),
         shape_error=_distance(points, orientations, shape, rod.length),
@@ -292,10 +303,11 @@ def _gap(reached: list[np.ndarray], nodes: tuple[np.ndarray, ...]) -> np.ndarray
     return np.hstack([reached[0] - nodes[0], rotation, reached[2] - nodes[2], reached[3] - nodes[3]])
 
 
-def _newton_step(maps: np.ndarray, gap: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def _newton_step(maps: np.ndarray, gap: np.ndarray, scale: np.ndarray, neutral: bool) -> np.ndarray:
     """(n + 1, 12) changes of the nodes that close the gaps, both end poses held.
 
-    delta_{i+1} - Phi_i delta_i = gap_i is a banded system: 17 diagonals on either side.
+    delta_{i+1} - Phi_i delta_i = gap_i is a banded system: 17 diagonals on either side. Where it is all but
+    singular, its null vector is what it answers to anything, and is taken out.
     """
     n = len(maps)
     scaled = maps * (scale / scale[:, None])
@@ -311,7 +323,17 @@ def _newton_step(maps: np.ndarray, gap: np.ndarray, scale: np.ndarray) -> np.nda
             inside[-1] = cols >= 6
         row = np.broadcast_to(row, col.shape)
         band[17 + row[inside] - col[inside], col[inside]] = block[inside]
-    delta = scipy.linalg.solve_banded((17, 17), band, (gap / scale).ravel(), check_finite=False)
+
+    def solve(right: np.ndarray) -> np.ndarray:
+        return scipy.linalg.solve_banded((17, 17), band, right, check_finite=False)
+
+    delta = solve((gap / scale).ravel())
+    if neutral:
+        null = np.ones(12 * n)
+        for _ in range(2):
+            null = solve(null / np.linalg.norm(null))
+        null /= np.linalg.norm(null)
+        delta -= (null @ delta) * null
     nodes = np.zeros((n + 1, 12))
     nodes[0, 6:] = delta[:6]
     nodes[1:-1] = delta[6:-6].reshape(n - 1, 12)
