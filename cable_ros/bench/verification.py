@@ -83,7 +83,7 @@ class Verification:
 
 
 NEUTRAL_MARGIN = 1e-2
-"""A claim with a smaller stability margin may be one of a family of equilibria that turn into each other freely."""
+"""A claim with a smaller stability margin may be one of a family of equilibria, each beside the next."""
 
 
 def verify(rod: Rod, claim: Equilibrium, *, iterations: int = 25) -> Verification:
