@@ -34,7 +34,10 @@ def branches(
     kinematics = Kinematics(scene)
     values = np.array([joints[name] for name in kinematics.joint_names], dtype=float)
     poses = kinematics.poses(values)
+    names = [obstacle.name for obstacle in scene.obstacles]
     return {
-        cable.name: Follower(cable, properties(scene, cable), tolerance, polyline_points).branches(values, poses[i])
+        cable.name: Follower(cable, properties(scene, cable), tolerance, polyline_points, names).branches(
+            kinematics, values, poses[i]
+        )
         for i, cable in enumerate(scene.cables)
     }

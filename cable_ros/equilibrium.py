@@ -12,6 +12,34 @@ import numpy as np
 from cable_ros.solve.status import Status
 
 
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A place where the cable touches an obstacle; along a touching stretch there are many, close together."""
+
+    obstacle: str
+    """Its name in the scene."""
+    arc_length: float
+    """From the start, m."""
+    position: np.ndarray
+    """(3,) of the centreline, world, m."""
+    normal: np.ndarray
+    """(3,) out of the obstacle, unit vector, world."""
+    force: np.ndarray
+    """(3,) on the cable, friction included, world, N."""
+    sliding: bool
+    """Whether friction has given way; false without friction."""
+
+    @property
+    def normal_force(self) -> float:
+        """Part of the force along the normal, N; never negative."""
+        return float(self.force @ self.normal)
+
+    @property
+    def friction(self) -> np.ndarray:
+        """(3,) part of the force across the normal, world, N."""
+        return self.force - self.normal_force * self.normal
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """One cable's equilibrium at one pose of the robot; SI units.
@@ -46,6 +74,8 @@ class Equilibrium:
     iterations: int
     solve_time: float
     """Wall time of this solve, s."""
+    contacts: tuple[Contact, ...] = ()
+    """Where it touches, by rising arc length."""
     _tangent: Callable[[], np.ndarray] | None = field(default=None, repr=False, compare=False)
 
     @cached_property

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
-from cable_ros.equilibrium import Equilibrium
+from scipy.spatial.transform import Rotation
+
+from cable_ros.equilibrium import Contact, Equilibrium
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.effect import Properties
-from cable_ros.mechanics.elements import Sampling, sampling
-from cable_ros.scene import Cable
+from cable_ros.mechanics.effects.contact import gaps, placed
+from cable_ros.mechanics.elements import Mesh, Sampling, integrals, sampling
+from cable_ros.scene import Cable, Kinematics
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow
 from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
+from cable_ros.statics.readout import polyline_anywhere
 from cable_ros.statics.rod import Rod
+from cable_ros.statics.saddle import NEUTRAL
+from cable_ros.statics.touch_kernels import FORCE, FRICTION, HELD, OBSTACLE, PLACE
+from cable_ros.statics.touch_system import COULOMB, FRICTIONLESS, SLIDING
+from cable_ros.statics.touching import TouchingRod
 from cable_ros.statics.units import Units, relative
 from cable_ros.statics.walk import End, Walk, walk
 
@@ -25,19 +33,30 @@ ALGEBRAIC = 1e-3
 """The iteration is stopped at this part of the tolerance: what is left is then nothing beside the resolution's error."""
 LONGEST = 0.5
 """Longest step in joint values, rad or m, that may be taken at once: whole turns must not be overlooked."""
+AMONG_OBSTACLES = 0.1
+"""The same where there are obstacles: what is touched on the way decides where the cable ends up."""
+CLAMP_DEPTH = 1e-6
+"""A clamp may be this deep inside an obstacle, parts of the length: rounding of poses."""
+MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
+"""What a result says whose stability margin is 0."""
 
 
 class Follower:
     """Keeps one cable on its branch. Poses come in as world poses of its two clamps, (2, 7)."""
 
-    def __init__(self, cable: Cable, properties: Properties, tolerance: float, polyline_points: int) -> None:
+    def __init__(
+        self, cable: Cable, properties: Properties, tolerance: float, polyline_points: int,
+        obstacle_names: Sequence[str] = (),
+    ) -> None:  # fmt: skip
         self.name = cable.name
         self.tolerance, self.polyline_points = tolerance, polyline_points
         self._hint = cable.total_twist
+        self._names = obstacle_names
         self.environment: dict[str, float] = {}
         self._use(properties)
-        self._sampling: tuple[Rod, int, Sampling] | None = None
+        self._sampling: tuple[Mesh, int, Sampling] | None = None
         self.reset()
 
     def _use(self, properties: Properties) -> None:
@@ -46,6 +65,12 @@ class Follower:
         self._stiffness = properties.stiffness / self._units.stiffness
         self._natural = np.zeros(3) if properties.natural is None else properties.natural * properties.length
         self._weight = properties.weight
+        self._obstacles = properties.obstacles
+        self._model = FRICTIONLESS
+        if properties.obstacles is not None and properties.friction is not None and properties.friction.any():
+            self._obstacles = properties.obstacles.copy()
+            self._obstacles[:, 17] = properties.friction
+            self._model = MODELS[properties.friction_model]
 
     def reset(self) -> None:
         """Forget the equilibrium."""
@@ -77,55 +102,80 @@ class Follower:
         else:
             self._rod, self._q, self._F = changed
 
-    def _conditions(self, poses: np.ndarray, before: np.ndarray) -> Conditions:
-        return Conditions(*relative(poses, before, self._weight, self._units.length, self._units.force))
+    def _conditions(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, before: np.ndarray
+    ) -> Conditions:
+        return Conditions(
+            *relative(poses, before, self._weight, self._units.length, self._units.force),
+            self._placed(kinematics, joints, poses),
+        )
+
+    def _placed(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> np.ndarray | None:
+        if self._obstacles is None:
+            return None
+        return placed(self._obstacles, kinematics.obstacle_poses(joints), poses[0], self._units.length)
 
     def solve(
-        self, kinematics: Callable[[np.ndarray], np.ndarray], index: int, joints: np.ndarray, poses: np.ndarray,
-        begin: float,
-    ) -> Equilibrium:  # fmt: skip
-        """The equilibrium at `joints`, where the clamps are at `poses`; `kinematics(joints)[index]` gives those on the way."""
+        self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
+    ) -> Equilibrium:
+        """The equilibrium at `joints`, where the clamps are at `poses`; `kinematics` tells of the way there."""
         rod = self._rod
         if rod is None or self._resolved != self.tolerance:
-            return self._cold(joints, poses, begin, self._twist if self._twist is not None else self._hint)
-        if np.abs(joints - self._joints).max(initial=0.0) > LONGEST:
+            return self._cold(kinematics, joints, poses, begin, self._twist if self._twist is not None else self._hint)
+        if np.abs(joints - self._joints).max(initial=0.0) > (LONGEST if self._obstacles is None else AMONG_OBSTACLES):
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
-        code, iterations, q, F = rod.advance(self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance)
+        obstacles = self._placed(kinematics, joints, poses)
+        if obstacles is not None and (blocked := self._blocked(obstacles, re)):
+            return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
+        code, iterations, q, F = rod.advance(
+            self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
+        )
         if code == compiled.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
         return self._far(kinematics, index, joints, poses, begin)
 
+    def _blocked(self, obstacles: np.ndarray, re: np.ndarray) -> str:
+        """A sentence where a clamp is inside an obstacle, so that no shape of the cable can be right."""
+        for end, r in (("start", np.zeros(3)), ("end", re)):
+            depth = -gaps(obstacles, r)
+            worst = int(np.argmax(depth))
+            if depth[worst] > CLAMP_DEPTH:
+                return (
+                    f"The {end} clamp of cable '{self.name}' is {depth[worst] * self._units.length * 1e3:.4g} mm inside"
+                    f" obstacle '{self._names[worst]}', the cable's radius counted; it must be outside."
+                )
+        return ""
+
     def _far(
-        self, kinematics: Callable[[np.ndarray], np.ndarray], index: int, joints: np.ndarray, poses: np.ndarray,
-        begin: float,
-    ) -> Equilibrium:  # fmt: skip
+        self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
+    ) -> Equilibrium:
         """Too far for one step: walk there through the joints, and start again where no walk leads there."""
         rod = self._rod
         assert rod is not None
-        rod.linearize(self._q, self._F)
-        rod.factor(0.0)
+        rod.refactor(self._q, self._F)
         origin, before = self._joints, rod.qe
         frames = {0.0: before}
 
         def path(t: float) -> Conditions:
             nonlocal before
             nearest = max((s for s in frames if s <= t), default=0.0)
-            conditions = self._conditions(kinematics(origin + t * (joints - origin))[index], frames[nearest])
+            there = origin + t * (joints - origin)
+            conditions = self._conditions(kinematics, there, kinematics.poses(there)[index], frames[nearest])
             frames[t] = conditions.qe
             return conditions
 
-        longest = LONGEST / max(np.abs(joints - origin).max(initial=0.0), LONGEST)
+        largest = LONGEST if self._obstacles is None else AMONG_OBSTACLES
+        longest = largest / max(np.abs(joints - origin).max(initial=0.0), largest)
         result = walk(rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, 0.5 * longest, longest)
         if result.end in (End.ARRIVED, End.SNAPPED):
             self._q, self._F, self._joints = result.q, result.F, joints
-            rod.linearize(self._q, self._F)
-            rod.factor(0.0)
+            rod.refactor(self._q, self._F)
             status = Status.SNAPPED if result.snaps else Status.CONVERGED
             return self._finish(status, self._story(result), result.iterations, poses, begin)
         # the way is barred: the pose itself may still be fine, on the branch with the twist nearest to the last
-        return self._cold(joints, poses, begin, self._twist)
+        return self._cold(kinematics, joints, poses, begin, self._twist)
 
     def _story(self, result: Walk) -> str:
         if not result.snaps:
@@ -137,9 +187,11 @@ class Follower:
         )
         return f"{Status.SNAPPED.sentence[:-1]} ({falls})."
 
-    def _cold(self, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None) -> Equilibrium:
-        """Search the pose for its stable equilibria and take the one that the hint asks for, or that of least energy."""
-        conditions = self._conditions(poses, IDENTITY)
+    def _cold(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None
+    ) -> Equilibrium:
+        """Search the pose for its stable equilibria: take the one that the hint asks for, or that of least energy."""
+        conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         chord = float(np.linalg.norm(conditions.re))
         if not chord < 1.0:
             excess = (chord - 1.0) * self._units.length
@@ -147,6 +199,8 @@ class Follower:
             if excess <= 0.0:
                 message = f"The clamps are as far apart as the cable is long ({self._units.length:g} m): its tension has no bound."
             return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
+        if conditions.obstacles is not None and (blocked := self._blocked(conditions.obstacles, conditions.re)):
+            return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
         found = equilibria(self._stiffness, self._natural, conditions, hint, self.tolerance, thorough=False)
         if hint is not None:
             found.sort(key=lambda one: abs(one.twist - hint))
@@ -155,13 +209,13 @@ class Follower:
             if estimate > self.tolerance and fine is not found[-1]:
                 continue
             self._take(fine, joints)
-            return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, fine.iterations, poses, begin)
+            return self._finish(Status.CONVERGED, _choice(one, found), fine.iterations, poses, begin)
         return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, time.perf_counter() - begin)
 
-    def branches(self, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:
+    def branches(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:
         """The stable equilibria that a wide search finds at a pose, by rising energy; the last is followed on."""
         begin = time.perf_counter()
-        conditions = self._conditions(poses, IDENTITY)
+        conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
         if not np.linalg.norm(conditions.re) < 1.0:
             return out
@@ -179,6 +233,8 @@ class Follower:
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
         self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints
+        if isinstance(found.rod, TouchingRod):
+            found.rod.model = self._model
         self._resolved = self.tolerance
 
     def _finish(self, status: Status, message: str, iterations: int, poses: np.ndarray, begin: float) -> Equilibrium:
@@ -194,23 +250,48 @@ class Follower:
                 self._take(fine, self._joints)
                 rod = fine.rod
             self._margin = rod.stability_margin()
+        if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
+            message = FREE
         unit = self._units
         self._twist = float(rod.totals[4])
         end_wrench, start_wrench = np.empty(6), np.empty(6)
-        compiled.wrenches(self._F, rod.f, rod.qe, rod.g, unit.force, unit.moment, end_wrench, start_wrench)
+        compiled.wrenches(self._F, rod.f + rod.held, rod.qe, rod.g, unit.force, unit.moment, end_wrench, start_wrench)
         points, orientations = self._polyline(rod, poses[0])
         return Equilibrium(
             status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
             end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
             total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment, error_estimate=self._estimate,
-            iterations=iterations, solve_time=time.perf_counter() - begin, _tangent=partial(_tangent, rod, rod.qe, rod.re, rod.f, self._q, self._F, unit),
+            iterations=iterations, solve_time=time.perf_counter() - begin, contacts=self._contacts(rod, poses[0]),
+            _tangent=partial(_tangent, rod, rod.qe, rod.re, rod.f, self._q, self._F, unit),
         )  # fmt: skip
 
+    def _contacts(self, rod: Rod, start: np.ndarray) -> tuple[Contact, ...]:
+        if not isinstance(rod, TouchingRod) or not rod.count:
+            return ()
+        turn = Rotation.from_quat(start[3:]).as_matrix()
+        out = []
+        for point, normal in zip(rod.points[: rod.count], rod.normals[: rod.count], strict=True):
+            friction = point[FRICTION:HELD]
+            cone = rod.obstacles[int(point[OBSTACLE]), 17] * point[FORCE] if rod.model != FRICTIONLESS else 0.0
+            out.append(Contact(
+                obstacle=self._names[int(point[OBSTACLE])],
+                arc_length=float(point[PLACE]) * self._units.length,
+                position=start[:3] + self._units.length * turn @ rod.position(point[PLACE]),
+                normal=turn @ normal,
+                force=self._units.force * turn @ (point[FORCE] * normal + friction),
+                sliding=bool(cone > 0.0 and np.linalg.norm(friction) > (1.0 - 1e-9) * cone),
+            ))  # fmt: skip
+        return tuple(sorted(out, key=lambda contact: contact.arc_length))
+
     def _polyline(self, rod: Rod, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if self._sampling is None or self._sampling[0] is not rod or self._sampling[1] != self.polyline_points:
-            self._sampling = rod, self.polyline_points, sampling(rod.mesh, self.polyline_points)
-        table = self._sampling[2]
         points, orientations = np.empty((self.polyline_points, 3)), np.empty((self.polyline_points, 4))
+        if isinstance(rod, TouchingRod) and rod.count:
+            polyline_anywhere(self._q, rod.h, rod.s0, rod.mesh.element.nodes, *integrals(rod.mesh.element.order),
+                              start, self._units.length, points, orientations)  # fmt: skip
+            return points, orientations
+        if self._sampling is None or self._sampling[0] is not rod.mesh or self._sampling[1] != self.polyline_points:
+            self._sampling = rod.mesh, self.polyline_points, sampling(rod.mesh, self.polyline_points)
+        table = self._sampling[2]
         compiled.polyline(self._q, rod.h, table.element, table.values, table.weights, table.quadrature,
                           start, self._units.length, points, orientations)  # fmt: skip
         return points, orientations
@@ -224,6 +305,15 @@ class Follower:
             orientations=np.full((n, 4), nan), total_twist=nan, energy=nan, error_estimate=nan, iterations=0,
             solve_time=solve_time,
         )  # fmt: skip
+
+
+def _choice(chosen: Found, found: list[Found]) -> str:
+    """The sentence of a cold start, which says so where there are others of the same energy."""
+    twins = sum(abs(other.energy - chosen.energy) <= 1e-6 * (1.0 + abs(chosen.energy)) for other in found)
+    sentence = Status.CONVERGED.sentence
+    if twins < 2:
+        return sentence
+    return f"{sentence[:-1]}, one of {twins} of equal energy: this side is an arbitrary choice."
 
 
 def _tangent(

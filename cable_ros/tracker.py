@@ -39,8 +39,9 @@ class Tracker:
         self.joint_names = self.kinematics.joint_names
         self._check(tolerance, polyline_points)
         self._tolerance, self._polyline_points = float(tolerance), int(polyline_points)
+        names = [obstacle.name for obstacle in self.scene.obstacles]
         self._followers = tuple(
-            Follower(cable, properties(self.scene, cable), self._tolerance, self._polyline_points)
+            Follower(cable, properties(self.scene, cable), self._tolerance, self._polyline_points, names)
             for cable in self.scene.cables
         )
         self._joints: np.ndarray | None = None
@@ -132,7 +133,7 @@ class Tracker:
         out = {}
         poses = self.kinematics.poses(values)
         for i, follower in enumerate(self._followers):
-            out[follower.name] = follower.solve(self.kinematics.poses, i, values, poses[i], begin)
+            out[follower.name] = follower.solve(self.kinematics, i, values, poses[i], begin)
             begin = time.perf_counter()
         self._joints = values
         return out

@@ -86,6 +86,12 @@ def enrichment(order: int) -> tuple[ReferenceElement, np.ndarray]:
     return fine, scale * np.array([roots(fine.points), roots.deriv()(fine.points)])
 
 
+def primitives(element: ReferenceElement) -> np.ndarray:
+    """Integrals (g, g) of the Lagrange polynomials through the quadrature points: column k in powers 1 to g of x."""
+    powers = np.vander(element.points, increasing=True)
+    return np.linalg.inv(powers) / np.arange(1, len(element.points) + 1)[:, None]
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Elements of one order along the rod; lengths in units of the rod's."""
@@ -146,3 +152,10 @@ def sampling(mesh: Mesh, count: int) -> Sampling:
     inner, _ = lagrange(points, np.outer(place, points).ravel())
     integrals = place[:, None] * np.einsum("g,mgk->mk", weights, inner.reshape(count, len(points), -1))
     return Sampling(element.astype(np.int64), values, np.vstack([integrals, weights]), quadrature)
+
+
+@cache
+def integrals(order: int) -> tuple[np.ndarray, np.ndarray]:
+    """For positions anywhere along an element: shape functions at a few more Gauss points, and `primitives` of those."""
+    element = reference_element(order, order + 4)
+    return element.values, primitives(element)

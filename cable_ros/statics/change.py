@@ -46,19 +46,19 @@ def follow(
     before = Section(rod.K / scale, rod.natural, rod.f / scale)
     F = F / scale
     logarithm = float(np.abs(np.log(target.stiffness / before.stiffness)).max())
+    last = rod.variant(scale=scale)
     at, step = 0.0, min(1.0, LARGEST / max(logarithm, 1e-300))
     while at < 1.0:
         to = min(1.0, at + step)
         here, there = between(before, target, at), between(before, target, to)
-        new = Rod(rod.mesh, there.stiffness, there.natural)
-        new.set_conditions(rod.qe, rod.re, here.load)
-        new.linearize(q, F)
-        if new.factor(0.0):
+        new = last.variant(stiffness=there.stiffness, natural=there.natural)
+        new.set_conditions(rod.qe, rod.re, here.load, rod.obstacles)
+        if new.refactor(q, F):
             code, iterations, q_new, F_new = new.advance(
-                q, F, rod.qe, rod.re, there.load, tolerance, limit=0.35
+                q, F, rod.qe, rod.re, there.load, tolerance, 0.35, rod.obstacles
             )
             if code == compiled.ADVANCED:
-                at, q, F = to, q_new, F_new
+                at, q, F, last = to, q_new, F_new, new
                 if at == 1.0:
                     return new, q, F
                 if iterations <= 4:

@@ -52,14 +52,16 @@ def margin(elastic, V, rows, order, L, pivots, Y, S, mode, repeats):
 @njit(**OPTIONS)
 def error(
     q, Fe, re, f, K, kappa0, h, s0, fine, bubble,
-    elastic, geometric, V, rows, L, pivots, Y, S, g, residual, shares,
+    elastic, geometric, V, rows, lines, upto, coarse, L, pivots, Y, S, g, residual, shares,
 ):  # fmt: skip
     """First-order change (6,) of end force and end moment when every element gets one order more.
 
     The enriched space adds one polynomial an element (`bubble`: its values and slopes at the points of
     `fine`), which is eliminated there; the rest is one solve with the factors at hand. `g` (n, 3) is the
     solution's own gradient, `Fe` as in `gradient`, `residual` (3n,) comes with what point forces inside
-    elements pull. `shares` (elements,) receives each element's part in energy norm squared, for refinement.
+    elements pull. Rows of V beyond the third read the position after `upto` (rows,) elements along `lines`
+    (rows, 3), which is now at `coarse` (elements + 1, 3). `shares` (elements,) receives each element's part in
+    energy norm squared, for refinement.
     """
     N, dN, N3, dN3, points, weights = fine
     order = N.shape[1] - 1
@@ -154,6 +156,10 @@ def error(
                 residual[3 * first + j] -= Hbc[b, j] * x[b]
             for a in range(3):
                 c[a] -= Cb[a, b] * x[b]
+        for i in range(3, rows):
+            if upto[i] == e + 1:
+                for a in range(3):
+                    c[i] += lines[i, a] * (c[a] + re[a] - coarse[e + 1, a])
     s = np.empty(n)
     dF = np.empty(rows)
     border_step(residual, c, V, rows, order, L, pivots, Y, S, s, dF)

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from cable_ros.mechanics import quaternion
+from cable_ros.mechanics.effects.contact_kernels import curve, find_element, position, shape
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 FAST = {**OPTIONS, "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
@@ -88,3 +89,36 @@ def polyline(q, h, element, values, weights, quadrature, start, length, out_r, o
             r0 += v * t[0, k]
             r1 += v * t[1, k]
             r2 += v * t[2, k]
+
+
+@njit(**OPTIONS)
+def polyline_anywhere(q, h, s0, nodes, values, primitives, start, length, out_r, out_q):
+    """`polyline` on elements whose lengths change from solve to solve; no tables of places.
+
+    `values`, `primitives`: see `elements.integrals`.
+    """
+    c = np.empty((h.shape[0], values.shape[0] + 1, 3))
+    curve(q, h, values, primitives, c)
+    order = nodes.shape[0] - 1
+    N, dN = np.empty(order + 1), np.empty(order + 1)
+    r, qs = np.empty(3), np.empty(4)
+    a = np.array([start[6], start[3], start[4], start[5]])
+    count = out_r.shape[0]
+    for i in range(count):
+        s = i / (count - 1)
+        position(c, h, s0, s, r)
+        r = quaternion.rotate(a, r)
+        e, x = find_element(s, s0, h)
+        shape(nodes, x, N, dN)
+        size = 0.0
+        for b in range(4):
+            qs[b] = 0.0
+            for j in range(order + 1):
+                qs[b] += N[j] * q[e * order + j, b]
+            size += qs[b] * qs[b]
+        o = quaternion.multiply(a, qs)
+        size = 1.0 / np.sqrt(size)
+        for b in range(3):
+            out_r[i, b] = start[b] + length * r[b]
+            out_q[i, b] = size * o[b + 1]
+        out_q[i, 3] = size * o[0]

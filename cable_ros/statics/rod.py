@@ -8,7 +8,8 @@ from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.elements import Mesh, enrichment
 from cable_ros.mechanics.kernels import gradient, hessian
 from cable_ros.solve import banded
-from cable_ros.statics import compiled
+from cable_ros.solve.trust_region import Options, minimize
+from cable_ros.statics import compiled, saddle
 from cable_ros.statics.response import clamp_response
 
 ORDER = 6
@@ -16,6 +17,8 @@ ORDER = 6
 
 REFRESH = 0.03
 """Factors, stability margin and error estimate are renewed when a section has turned this far, rad, since."""
+NO_LINES, NO_ELEMENTS = np.zeros((0, 3)), np.zeros(0, np.int64)
+"""For `compiled.error`: nothing is touched."""
 
 
 class Rod:
@@ -30,18 +33,24 @@ class Rod:
         natural: (3,) curvature and twist of the unloaded cable.
     """
 
+    obstacles: np.ndarray | None = None
+    """What it may touch: nothing."""
+
     def __init__(self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None) -> None:
+        self.K = np.ascontiguousarray(stiffness, float)
+        self.natural = np.zeros(3) if natural is None else np.ascontiguousarray(natural, float)
+        self.qe, self.re, self.f = np.array([1.0, 0, 0, 0]), np.array([0.0, 0, 1]), np.zeros(3)
+        self._allocate(mesh)
+
+    def _allocate(self, mesh: Mesh) -> None:
         order, elements = mesh.element.order, len(mesh.lengths)
         nodes = elements * order + 1
         n, band = 3 * nodes, 3 * (order + 1)
         self.mesh = mesh
-        self.K = np.ascontiguousarray(stiffness, float)
-        self.natural = np.zeros(3) if natural is None else np.ascontiguousarray(natural, float)
         self.h, self.s0 = np.ascontiguousarray(mesh.lengths), mesh.starts
         self.tables = mesh.element.tables
         fine, self.bubble = enrichment(order)
         self.fine = fine.tables
-        self.qe, self.re, self.f = np.array([1.0, 0, 0, 0]), np.array([0.0, 0, 1]), np.zeros(3)
         self.elastic, self.geometric = np.zeros((n, band)), np.zeros((n, band))
         self.A, self.L, self.pivots = np.zeros((n, band)), np.zeros((n, band)), np.ones(n)
         self.C, self.Y, self.S = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 3))
@@ -52,9 +61,29 @@ class Rod:
         self.drift = np.inf
         self._normal: tuple[np.ndarray, np.ndarray] | None = None
 
-    def set_conditions(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> None:
-        """End frame (4,) scalar first, end position (3,), load per length (3,)."""
+    def set_conditions(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
+    ) -> None:
+        """End frame (4,) scalar first, end position (3,), load per length (3,); obstacles: see `TouchingRod`."""
         self.qe, self.re, self.f = qe, re, f
+
+    def variant(
+        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None, natural: np.ndarray | None = None,
+        scale: float = 1.0,
+    ) -> Rod:  # fmt: skip
+        """The same rod under the same conditions with another mesh or section; `scale`: new unit of force over old."""
+        new = Rod(
+            self.mesh if mesh is None else mesh,
+            self.K if stiffness is None else stiffness,
+            self.natural if natural is None else natural,
+        )
+        new.set_conditions(self.qe, self.re, self.f / scale)
+        return new
+
+    @property
+    def held(self) -> np.ndarray:
+        """(3,) what obstacles push the rod with, in all."""
+        return np.zeros(3)
 
     # Problem
 
@@ -121,11 +150,23 @@ class Rod:
         quaternion.retract(x, s, out)
         return out
 
+    def minimum(self, q: np.ndarray, F: np.ndarray, options: Options) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """The stable equilibrium that a descent from (q, F) ends in, factored: q, F, iterations; None: none."""
+        result = minimize(self, q, F, options)
+        if not result.converged:
+            return None
+        return (result.x, result.y, result.iterations) if self.refactor(result.x, result.y) else None
+
+    def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
+        """Set the factors up at (q, F); whether that is a strict minimum's."""
+        self.linearize(q, F)
+        return self.factor(0.0)
+
     # what a solution says
 
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
-        tolerance: float, limit: float = 0.6,
+        tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One warm-started solve, see `compiled.advance`; returns code, iterations and the new (q, F)."""
         q_new, F_new = np.empty_like(q), np.empty(3)
@@ -151,15 +192,15 @@ class Rod:
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Derivative (12, 12) of the clamps' wrenches on the cable by their motions; see `response.clamp_response`."""
         self.linearize(q, F)
-        self.factor(0.0)
+        self.factor(-saddle.NEUTRAL)
         return clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic, self.geometric,
                               self.C, self.mesh.element.order, self.L, self.pivots, self.Y, self.S, self.g)  # fmt: skip
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Estimated error (6,) of end force and end moment, in units of the cable; see `compiled.error`."""
         return compiled.error(q, compiled.spread(F, self.h), self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine,
-                              self.bubble, self.elastic, self.geometric, self.C, 3, self.L, self.pivots,
-                              self.Y, self.S, self.g, np.zeros(self.g.size), self.shares)  # fmt: skip
+                              self.bubble, self.elastic, self.geometric, self.C, 3, NO_LINES, NO_ELEMENTS, NO_LINES,
+                              self.L, self.pivots, self.Y, self.S, self.g, np.zeros(self.g.size), self.shares)  # fmt: skip
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """The larger of the force's and the moment's estimated errors, each relative to its own size.

@@ -68,11 +68,10 @@ def negative3(S):
 
 
 @njit(**OPTIONS)
-def factor(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
-    """Factor the saddle system of H + mu D; whether that is positive on the end condition's tangent space.
+def schur(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
+    """Factor H + mu D and form S = C (H + mu D)^-1 C^T.
 
-    The matrix has the inertia of H + mu D and that of -S, S = C H^-1 C^T, together; a strict minimum has
-    three negative eigenvalues in all (Gould 1985).
+    Returns the number of negative eigenvalues of H + mu D and the pivots' worst quality.
     """
     n = A.shape[0]
     for i in range(n):
@@ -90,6 +89,17 @@ def factor(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
                 s += C[a, i] * Y[b, i]
             S[a, b] = s
             S[b, a] = s
+    return negative, worst
+
+
+@njit(**OPTIONS)
+def factor(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
+    """Factor the saddle system of H + mu D; whether that is positive on the end condition's tangent space.
+
+    The matrix has the inertia of H + mu D and that of -S together; a strict minimum has three negative
+    eigenvalues in all (Gould 1985).
+    """
+    negative, worst = schur(elastic, geometric, C, mu, order, A, L, pivots, Y, S)
     return worst > 1e-11 and negative3(S) == negative
 
 

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.elements import Mesh, reference_element
-from cable_ros.solve.trust_region import Options, minimize
+from cable_ros.solve.trust_region import Options
 from cable_ros.statics.guess import starts
 from cable_ros.statics.rod import ORDER, Rod
+from cable_ros.statics.touching import TouchingRod
 
 AIM, ACCEPT = 0.1, 0.7
 """A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
@@ -22,6 +24,8 @@ class Conditions:
     qe: np.ndarray
     re: np.ndarray
     f: np.ndarray
+    obstacles: np.ndarray | None = None
+    """(n, contact_kernels.WIDTH); None: nothing to touch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +49,8 @@ def first_mesh(conditions: Conditions, twist: float, tolerance: float) -> Mesh:
     layer = min(1.0, 3.0 / np.sqrt(max(float(np.linalg.norm(conditions.f)), 1.0)))
     count = (4 if tolerance < 1e-3 else 3) + int(abs(twist) / 6.0)
     half = [0.5]
-    while half[0] > max(2.0 * layer, 0.5 / count):
+    smallest = min(max(2.0 * layer, 0.5 / count), 6.0 * _taut_layer(conditions))
+    while half[0] > smallest:
         half = [half[0] / 2, half[0] / 2] + half[1:]
     lengths = np.array(half + half[::-1])
     if len(lengths) <= count:
@@ -53,24 +58,32 @@ def first_mesh(conditions: Conditions, twist: float, tolerance: float) -> Mesh:
     return Mesh(reference_element(ORDER), lengths / lengths.sum())
 
 
-def settle(rod: Rod, q: np.ndarray, F: np.ndarray, options: Options = Options()) -> Found | None:
+def _taut_layer(conditions: Conditions) -> float:
+    """Length of the bends at the clamps of a nearly taut cable, which use up all its slack.
+
+    A tangent that is off the chord by a exp(-s / l) makes the cable reach a^2 l / 4 less far.
+    """
+    chord = float(np.linalg.norm(conditions.re))
+    along = conditions.re / max(chord, 1e-9)
+    end = quaternion.rotate(conditions.qe, np.array([0.0, 0.0, 1.0]))
+    bend = 2.0 - float(along[2]) - float(along @ end)
+    return max(2.0 * (1.0 - chord) / max(bend, 1e-9), 1e-5)
+
+
+def settle(rod: Rod, q: np.ndarray, F: np.ndarray, options: Options = Options()) -> Found | None:  # noqa: B008
     """The minimum near (q, F), factored, or None."""
-    result = minimize(rod, q, F, options)
-    if not result.converged:
+    result = rod.minimum(q, F, options)
+    if result is None:
         return None
-    energy, _, _ = rod.linearize(result.x, result.y)
-    if not rod.factor(0.0):
-        return None
-    return Found(rod, result.x, result.y, energy, float(rod.totals[4]), result.iterations)
+    q, F, iterations = result
+    return Found(rod, q, F, float(rod.totals[3]), float(rod.totals[4]), iterations)
 
 
 def on_mesh(found: Found, mesh: Mesh) -> Found | None:
     """The same equilibrium on another mesh."""
-    rod = Rod(mesh, found.rod.K, found.rod.natural)
-    rod.set_conditions(found.rod.qe, found.rod.re, found.rod.f)
     q = found.rod.mesh.interpolate(found.q, mesh.nodes)
     q[0], q[-1] = found.q[0], found.q[-1]
-    return settle(rod, q, found.F)
+    return settle(found.rod.variant(mesh), q, found.F)
 
 
 def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
@@ -127,8 +140,11 @@ def equilibria(
     mesh = first_mesh(conditions, abs(hint or 0.0) + float(np.linalg.norm(natural)), tolerance)
     found: list[Found] = []
     for q in starts(mesh.nodes, conditions.qe, conditions.re, conditions.f, hint, natural):
-        rod = Rod(mesh, stiffness, natural)
-        rod.set_conditions(conditions.qe, conditions.re, conditions.f)
+        if conditions.obstacles is None:
+            rod = Rod(mesh, stiffness, natural)
+        else:
+            rod = TouchingRod(mesh, stiffness, natural, tolerance)
+        rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
         one = settle(rod, q, np.zeros(3), Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8))
         if one is None or any(same(one, other) for other in found):
             continue

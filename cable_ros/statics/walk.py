@@ -15,6 +15,8 @@ from cable_ros.statics.search import Conditions, Found, settle
 
 SHORTEST = 1e-4
 """Smallest part of a joint step, in rad of the section that turns most, before the branch counts as ended."""
+GRID = np.linspace(0.0, 1.0, 33)
+"""Where shapes are compared."""
 
 
 class End(enum.Enum):
@@ -64,7 +66,7 @@ def walk(
         target = min(1.0, at + step)
         conditions = path(target)
         code, count, q_new, F_new = rod.advance(
-            q, F, conditions.qe, conditions.re, conditions.f, tolerance, limit=0.35
+            q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
         iterations += count
         if code == compiled.ADVANCED:
@@ -74,16 +76,17 @@ def walk(
             continue
         if np.linalg.norm(conditions.re) >= 1.0 and step < 0.02:
             return Walk(End.BEYOND_REACH, at, q, F, iterations, tuple(snaps))
-        if not _refactor(rod, q, F):
+        if not rod.refactor(q, F):
             return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
         if code != compiled.TOO_FAR and step * 0.5 < SHORTEST:
+            shape = rod.mesh.interpolate(q, GRID)
             fallen = fall(rod, q, F, path(min(1.0, at + step)))
             if fallen is None:
                 return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
             found, before, twist = fallen
             iterations += found.iterations
             at = min(1.0, at + step)
-            if _jumped(q, found.q):
+            if _jumped(shape, rod.mesh.interpolate(found.q, GRID)):
                 snaps.append(Snap(at, before, found.energy, twist, found.twist))
             q, F = found.q, found.F
             continue
@@ -100,17 +103,11 @@ def fall(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> tupl
     """
     energy, _, _ = rod.linearize(q, F)
     twist = float(rod.totals[4])
-    rod.set_conditions(conditions.qe, conditions.re, conditions.f)
+    rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
     q = q.copy()
     q[-1] = conditions.qe if q[-1] @ conditions.qe > 0.0 else -conditions.qe
     found = settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
     return None if found is None else (found, energy, twist)
-
-
-def _refactor(rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
-    """Bring the rod's factors back to (q, F), which a failed step has overwritten."""
-    rod.linearize(q, F)
-    return rod.factor(0.0)
 
 
 def _jumped(before: np.ndarray, after: np.ndarray) -> bool:

@@ -8,8 +8,12 @@ from numba import njit
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 SPHERE, PLANE, CAPSULE, CYLINDER, BOX = 0.0, 1.0, 2.0, 3.0, 4.0
-WIDTH = 17
-"""Numbers of an obstacle: kind, centre (3), rotation matrix (9, by rows), dimensions (3), offset (the cable's radius)."""
+WIDTH = 18
+"""Numbers of an obstacle: kind, centre (3), rotation matrix (9, by rows), dimensions (3), offset, friction.
+
+Dimensions: radius (sphere); radius, half length along z (capsule, cylinder); half edges (box); the solid is below z = 0
+(plane). The offset is the cable's radius where it counts.
+"""
 
 
 @njit(**OPTIONS)
@@ -146,42 +150,67 @@ def tangent(q, t):
 
 
 @njit(**OPTIONS)
-def starts_of(q, h, N, weights, r):
-    """Positions r (elements + 1, 3) of the elements' ends."""
+def curve(q, h, N, primitives, c):
+    """Coefficients c (elements, p + 1, 3) of the centreline: sum_k c[e, k] x^k at the place x of element e.
+
+    It integrates the polynomial through the tangents at the element's p Gauss points, so that its ends are where
+    the solver has them. `primitives` (p, p): see `Mesh`, integrals of the Lagrange polynomials through those points.
+    """
+    count = N.shape[0]
     order = N.shape[1] - 1
     qs, t = np.empty(4), np.empty(3)
-    for a in range(3):
-        r[0, a] = 0.0
+    c[0, 0, 0], c[0, 0, 1], c[0, 0, 2] = 0.0, 0.0, 0.0
     for e in range(h.shape[0]):
-        for a in range(3):
-            r[e + 1, a] = r[e, a]
-        for k in range(N.shape[0]):
+        for k in range(count):
+            for a in range(3):
+                c[e, k + 1, a] = 0.0
+        for k in range(count):
             for a in range(4):
                 qs[a] = 0.0
                 for i in range(order + 1):
                     qs[a] += N[k, i] * q[e * order + i, a]
             tangent(qs, t)
+            for m in range(count):
+                v = h[e] * primitives[m, k]
+                for a in range(3):
+                    c[e, m + 1, a] += v * t[a]
+        if e + 1 < h.shape[0]:
             for a in range(3):
-                r[e + 1, a] += weights[k] * h[e] * t[a]
+                v = 0.0
+                for m in range(count + 1):
+                    v += c[e, m, a]
+                c[e + 1, 0, a] = v
 
 
 @njit(**OPTIONS)
-def curve_point(q, h, e, x, nodes, points, weights, start, r, t, dt):
-    """Position, tangent and its derivative by arc length at the place x of element e, which begins at `start` (3,)."""
+def find_element(s, s0, h):
+    """Element of the arc length s and the place in it, 0 to 1."""
+    e = 0
+    while e + 1 < s0.shape[0] and s >= s0[e + 1]:
+        e += 1
+    x = (s - s0[e]) / h[e]
+    return e, min(max(x, 0.0), 1.0)
+
+
+@njit(**OPTIONS)
+def position(c, h, s0, s, r):
+    """Position r (3,) at arc length s on the curve with the coefficients c."""
+    e, x = find_element(s, s0, h)
+    top = c.shape[1] - 1
+    for a in range(3):
+        v = c[e, top, a]
+        for k in range(top - 1, -1, -1):
+            v = v * x + c[e, k, a]
+        r[a] = v
+
+
+@njit(**OPTIONS)
+def direction(q, h, s0, nodes, s, t, dt):
+    """Tangent t (3,) and its derivative dt (3,) at arc length s."""
+    e, x = find_element(s, s0, h)
     order = nodes.shape[0] - 1
     N, dN = np.empty(order + 1), np.empty(order + 1)
     qs, ds = np.empty(4), np.empty(4)
-    for a in range(3):
-        r[a] = start[a]
-    for k in range(points.shape[0]):
-        shape(nodes, x * points[k], N, dN)
-        for a in range(4):
-            qs[a] = 0.0
-            for i in range(order + 1):
-                qs[a] += N[i] * q[e * order + i, a]
-        tangent(qs, t)
-        for a in range(3):
-            r[a] += h[e] * x * weights[k] * t[a]
     shape(nodes, x, N, dN)
     for a in range(4):
         qs[a] = 0.0

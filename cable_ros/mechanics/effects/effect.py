@@ -27,8 +27,12 @@ class Properties:
     """(3,) curvature and twist of the unloaded cable, 1/m."""
     compliance: np.ndarray | None = None
     """(3,) 1/GAx, 1/GAy, 1/EA, 1/N; None: inextensible and unshearable."""
-    contact: bool = False
-    friction: bool = False
+    obstacles: np.ndarray | None = None
+    """(n, contact_kernels.WIDTH) in their links' frames, without friction; None: nothing to touch."""
+    friction: np.ndarray | None = None
+    """(n,) coefficients of the obstacles; None: frictionless."""
+    friction_model: str = "coulomb"
+    """As in `Scene`."""
 
 
 class Effect(Protocol):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from cable_ros.mechanics.effects.effect import Environment, Properties
 from cable_ros.scene import Cable, Scene
 
@@ -18,7 +20,8 @@ def cause(scene: Scene, cable: Cable) -> str:
 
 
 def add(properties: Properties, scene: Scene, cable: Cable, environment: Environment) -> Properties:
-    return dataclasses.replace(properties, friction=True)
+    coefficients = np.array([obstacle.friction for obstacle in scene.obstacles])
+    return dataclasses.replace(properties, friction=coefficients, friction_model=scene.friction_model)
 
 
 def size(scene: Scene, cable: Cable, environment: Environment, force: float) -> float:

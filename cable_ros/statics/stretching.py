@@ -1,0 +1,162 @@
+"""One cable that lengthens and shears under its force: a rod whose end position also answers to that force."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.mechanics.effects.stretch_kernels import stretch_gradient
+from cable_ros.mechanics.elements import Mesh
+from cable_ros.solve.trust_region import Options
+from cable_ros.statics import compiled
+from cable_ros.statics.response import clamp_response
+from cable_ros.statics.rod import Rod
+from cable_ros.statics.stretching_kernels import advance_stretching, moments, stretch_factor, stretch_linearize
+
+SLACK = 0.95
+"""A cold start begins with the clamps no farther apart than this, parts of the length, and inextensible."""
+SHORTEST = 1e-4
+"""Smallest part of the way from there before it counts as barred."""
+
+
+class StretchingRod(Rod):
+    """A `Rod` with compliance against shear and tension; see `mechanics.effects.stretch_kernels`.
+
+    Args:
+        mesh, stiffness, natural: as in `Rod`.
+        compliance: (3,) 1 / GAx, 1 / GAy, 1 / EA in units of the cable.
+    """
+
+    def __init__(
+        self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None, compliance: np.ndarray
+    ) -> None:
+        self.compliance = np.ascontiguousarray(compliance, float)
+        self.stretch, self.reach = np.zeros(4), np.zeros((3, 3))
+        super().__init__(mesh, stiffness, natural)
+
+    def variant(
+        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None, natural: np.ndarray | None = None,
+        scale: float = 1.0,
+    ) -> StretchingRod:  # fmt: skip
+        new = StretchingRod(
+            self.mesh if mesh is None else mesh,
+            self.K if stiffness is None else stiffness,
+            self.natural if natural is None else natural,
+            self.compliance * scale,
+        )
+        new.set_conditions(self.qe, self.re, self.f / scale)
+        return new
+
+    def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        stretch_linearize(
+            x, y, self.f, self.K, self.natural, self.compliance, self.h, self.s0, self.tables,
+            self.elastic, self.geometric, self.parts, self.C, self.reach,
+            self.acc, self.g, self.radial, self.totals, self.stretch, True,
+        )  # fmt: skip
+        g = self.g.ravel().copy()
+        g[:3] = g[-3:] = 0.0
+        return float(self.totals[3]), self.totals[:3] - self.re, g
+
+    def factor(self, mu: float) -> bool:
+        self.drift = 0.0
+        return stretch_factor(self.elastic, self.geometric, self.C, self.reach, mu, self.mesh.element.order,
+                              self.A, self.L, self.pivots, self.Y, self.S)  # fmt: skip
+
+    def advance(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+        tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        q_new, F_new = np.empty_like(q), np.empty(3)
+        code, iterations = advance_stretching(
+            q, F, qe, re, f, self.K, self.natural, self.compliance, self.h, self.s0, self.tables,
+            self.elastic, self.geometric, self.parts, self.C, self.reach, self.A, self.L, self.pivots, self.Y, self.S,
+            self.acc, self.g, self.radial, self.totals, self.stretch, tolerance, limit, q_new, F_new,
+        )  # fmt: skip
+        self.drift = 0.0
+        if code == compiled.ADVANCED:
+            self.set_conditions(qe, re, f)
+        return code, iterations, q_new, F_new
+
+    def minimum(self, q: np.ndarray, F: np.ndarray, options: Options) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """As `Rod.minimum`: near (q, F) by Newton's method, otherwise by way of the inextensible rod."""
+        if F.any() and self.refactor(q, F):
+            code, count, q_new, F_new = self.advance(q, F, self.qe, self.re, self.f, options.step_tolerance)
+            if code == compiled.ADVANCED and self.refactor(q_new, F_new):
+                return q_new, F_new, count
+        start = self.re * min(1.0, SLACK / max(float(np.linalg.norm(self.re)), 1e-12))
+        stiff = Rod(self.mesh, self.K, self.natural)
+        stiff.set_conditions(self.qe, start, self.f)
+        found = stiff.minimum(q, F, options)
+        return None if found is None else self._soften(*found, start, options.step_tolerance)
+
+    def _soften(
+        self, q: np.ndarray, F: np.ndarray, iterations: int, start: np.ndarray, tolerance: float
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """From the inextensible equilibrium with its end at `start`: grow the compliance, then move the end out."""
+        compliance, end = self.compliance, self.re
+        for ramp in (True, False):
+            if not ramp and np.array_equal(start, end):
+                break
+            at, step = 0.0, 1.0
+            while at < 1.0:
+                to = min(1.0, at + step)
+                if ramp:
+                    self.compliance = to * compliance
+                self.re = start if ramp else start + at * (end - start)
+                code = -1
+                if self.refactor(q, F):
+                    aim = start if ramp else start + to * (end - start)
+                    code, count, q_new, F_new = self.advance(q, F, self.qe, aim, self.f, tolerance)
+                    iterations += count
+                if code == compiled.ADVANCED:
+                    at, q, F = to, q_new, F_new
+                    step *= 2.0
+                elif step < SHORTEST:
+                    self.compliance, self.re = compliance, end
+                    return None
+                else:
+                    step *= 0.5
+        self.compliance, self.re = compliance, end
+        return (q, F, iterations) if self.refactor(q, F) else None
+
+    def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        self.refactor(q, F)
+        plain = clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic, self.geometric,
+                               self.C, self.mesh.element.order, self.L, self.pivots, self.Y, self.S, self.g)  # fmt: skip
+        # what the load adds by the stretch, when it turns against a start clamp that turns
+        return plain + self._turning_load(q, F)
+
+    def _turning_load(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """(12, 12) part of `clamp_stiffness`: the stretch's gradient is quadratic in the force, so its
+        central difference by the load is exact."""
+        order = self.mesh.element.order
+        out = np.zeros((12, 12))
+        for k in range(3):
+            turned = np.cross(np.eye(3)[k], self.f)
+            right, c = 0.0, 0.0
+            for sign in (0.5, -0.5):
+                pull, way = self._stretch(q, F, self.f + sign * turned, self.tables)
+                right, c = right + 2.0 * sign * pull, c + 2.0 * sign * way
+            s, dF = np.empty(self.g.size), np.empty(3)
+            compiled.saddle_step(right, c, self.C, order, self.L, self.pivots, self.Y, self.S, s, dF)
+            out[:, 3 + k] = -moments(right, s, dF, self.qe, self.elastic, self.geometric, self.C)
+        return out
+
+    def _stretch(
+        self, q: np.ndarray, F: np.ndarray, f: np.ndarray, tables: tuple[np.ndarray, ...]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What the stretch adds to the gradient (3n,) and to the end position (3,) under the load f."""
+        N, _, _, _, points, weights = tables
+        acc, totals = np.zeros_like(self.acc), np.empty(4)
+        stretch_gradient(
+            q, compiled.spread(F, self.h), f, self.compliance, self.h, self.s0, N, points, weights, acc, totals
+        )
+        w, x, y, z = q.T
+        a, b, c, d = acc.T
+        g = 0.5 * np.stack([-x * a + w * b + z * c - y * d, -y * a - z * b + w * c + x * d,
+                            -z * a + y * b - x * c + w * d], axis=1)  # fmt: skip
+        return g.ravel(), totals[:3]
+
+    def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """As `Rod.wrench_error`; the added polynomials see the stretch at the solution only."""
+        pull, way = self._stretch(q, F, self.f, self.fine)
+        return self._wrench_error(q, F, self.re - way, pull)

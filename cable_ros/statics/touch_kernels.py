@@ -1,0 +1,342 @@
+"""Compiled: the places where the cable touches, and how they change as its shape does.
+
+A contact point is a unilateral constraint gap >= 0 with its multiplier, the normal force. Where the gap has a
+distinct minimum the point sits there, at any arc length: it slides with the shape, and it takes a boundary between
+two elements with it, because the curvature has a kink under a point force. Along a stretch that lies on the surface
+the gap has no distinct minimum: there points stand at fixed arc lengths ("flat"). Units of the cable, start clamp's
+frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from cable_ros.mechanics.effects.contact_kernels import curve, direction, gap, position, shape
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+CAPACITY = 160
+"""Contact points at once."""
+OBSTACLE, PLACE, FLAT, FORCE, FRICTION, HELD, TIE = 0, 1, 2, 3, 4, 7, 10
+"""Columns of the contact points (CAPACITY, COLUMNS): obstacle, arc length, 1 for flat, normal force, friction (3), the
+friction of the last equilibrium (3), and the boundary between elements that goes with the point (-1: none)."""
+COLUMNS = 11
+NARROWEST = 0.12
+"""A boundary slides no nearer to its neighbours than this part of the way between them."""
+
+
+@njit(**OPTIONS)
+def gap_at(q, h, s0, nodes, c, s, obstacle, r, t, dt, n, directions, bends):
+    """Gap at arc length s, its first and second derivative by s."""
+    position(c, h, s0, s, r)
+    direction(q, h, s0, nodes, s, t, dt)
+    value = gap(obstacle, r, n, directions, bends)
+    slope, curvature = 0.0, 0.0
+    for a in range(3):
+        slope += n[a] * t[a]
+        curvature += n[a] * dt[a]
+    for i in range(2):
+        along = directions[i, 0] * t[0] + directions[i, 1] * t[1] + directions[i, 2] * t[2]
+        curvature += bends[i] * along * along
+    return value, slope, curvature
+
+
+@njit(**OPTIONS)
+def lowest(q, h, s0, nodes, c, s, reach, obstacle):
+    """The arc length of the gap's minimum near s, at most `reach` away, by safeguarded Newton steps."""
+    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    low, high = max(s - reach, 0.0), min(s + reach, 1.0)
+    for _ in range(30):
+        _, slope, curvature = gap_at(q, h, s0, nodes, c, s, obstacle, r, t, dt, n, directions, bends)
+        if slope > 0.0:
+            high = s
+        else:
+            low = s
+        new = s - slope / curvature if curvature > 0.0 else 0.5 * (low + high)
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        if abs(new - s) < 1e-13:
+            return new
+        s = new
+    return s
+
+
+@njit(**OPTIONS)
+def slide(q, h, s0, nodes, boundary, s):
+    """Move the boundary between two elements to the arc length s; the shape q (n, 4) stays, its nodes move.
+
+    Returns whether it may: not too near to the neighbouring boundaries.
+    """
+    e = boundary - 1
+    low, old = s0[e], s0[boundary]
+    high = old + h[boundary]
+    if s - low < NARROWEST * (high - low) or high - s < NARROWEST * (high - low):
+        return False
+    if s == old:
+        return True
+    order = nodes.shape[0] - 1
+    first = e * order
+    N, dN = np.empty(order + 1), np.empty(order + 1)
+    moved = np.empty((2 * order + 1, 4))
+    for m in range(2 * order + 1):
+        at = low + (s - low) * nodes[m] if m <= order else s + (high - s) * nodes[m - order]
+        left = at < old
+        shape(nodes, (at - low) / (old - low) if left else (at - old) / (high - old), N, dN)
+        base = first if left else first + order
+        size = 0.0
+        for a in range(4):
+            v = 0.0
+            for i in range(order + 1):
+                v += N[i] * q[base + i, a]
+            moved[m, a] = v
+            size += v * v
+        size = 1.0 / np.sqrt(size)
+        for a in range(4):
+            moved[m, a] *= size
+    for m in range(1, 2 * order):
+        for a in range(4):
+            q[first + m, a] = moved[m, a]
+    h[e], h[boundary] = s - low, high - s
+    s0[boundary] = s
+    return True
+
+
+@njit(**OPTIONS)
+def tie(points, count, i, h, s0):
+    """Give contact point i the nearest free boundary that can come to it, or none; whether it has one."""
+    s = points[i, PLACE]
+    best, distance = -1, np.inf
+    for b in range(1, h.shape[0]):
+        low, high = s0[b - 1], s0[b] + h[b]
+        margin = 1.5 * NARROWEST * (high - low)
+        if not low + margin < s < high - margin or abs(s - s0[b]) >= distance:
+            continue
+        taken = False
+        for k in range(count):
+            taken = taken or points[k, TIE] == b
+        if not taken:
+            best, distance = b, abs(s - s0[b])
+    points[i, TIE] = best
+    return best >= 0
+
+
+@njit(**OPTIONS)
+def place_points(q, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count):
+    """Let the points that slide go to their gap's minimum, with their boundaries; returns whether all have one."""
+    curve(q, h, N, primitives, c)
+    tied = True
+    for i in range(count):
+        if points[i, FLAT] == 1.0:
+            continue
+        ob = obstacles[int(points[i, OBSTACLE])]
+        points[i, PLACE] = lowest(q, h, s0, nodes, c, points[i, PLACE], spacing, ob)
+        if points[i, TIE] < 0.0 and not tie(points, count, i, h, s0):
+            tied = False
+            continue
+        if slide(q, h, s0, nodes, int(points[i, TIE]), points[i, PLACE]):
+            curve(q, h, N, primitives, c)
+        else:
+            points[i, TIE] = -1.0
+            tied = False
+    return tied
+
+
+@njit(**OPTIONS)
+def scan(c, h, s0, samples, obstacles, phi):
+    """Gaps phi (obstacles, samples) at the arc lengths `samples`; returns the smallest at the inner ones."""
+    r, n = np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    smallest = np.inf
+    for k in range(samples.shape[0]):
+        position(c, h, s0, samples[k], r)
+        for o in range(obstacles.shape[0]):
+            phi[o, k] = gap(obstacles[o], r, n, directions, bends)
+            if 0 < k < samples.shape[0] - 1:
+                smallest = min(smallest, phi[o, k])
+    return smallest
+
+
+@njit(**OPTIONS)
+def add(points, count, o, s, flat, room):
+    """One more contact point, unless there is no space or one nearer than `room`; returns the count."""
+    for i in range(count):
+        if points[i, OBSTACLE] == o and abs(points[i, PLACE] - s) < room:
+            return count
+    if count < points.shape[0]:
+        points[count] = 0.0
+        points[count, OBSTACLE], points[count, PLACE], points[count, TIE] = o, s, -1.0
+        points[count, FLAT] = 1.0 if flat else 0.0
+        return count + 1
+    return count
+
+
+@njit(**OPTIONS)
+def remove(points, count, i):
+    """Drop contact point i, keeping the others' order; returns the count."""
+    for k in range(i, count - 1):
+        points[k] = points[k + 1]
+    return count - 1
+
+
+@njit(**OPTIONS)
+def merge(points, count, o, s, reach):
+    """Make the points on obstacle o within `reach` of s one sliding point there with all their force; the count."""
+    total = np.zeros(7)
+    i = 0
+    while i < count:
+        if points[i, OBSTACLE] == o and abs(points[i, PLACE] - s) < reach:
+            total += points[i, FORCE : HELD + 3]
+            count = remove(points, count, i)
+        else:
+            i += 1
+    count = add(points, count, o, s, False, 0.0)
+    points[count - 1, FORCE : HELD + 3] = total
+    return count
+
+
+@njit(**OPTIONS)
+def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi, contract):
+    """Change the active set at a solution of the last one: let go what pulls, take in what is deeper than `depth`.
+
+    `contract`: whether a stretch of two samples with a minimum between them may become one sliding point.
+    Returns (changed, count).
+    """
+    changed = False
+    i = 0
+    while i < count:
+        if points[i, FORCE] < 0.0:
+            count = remove(points, count, i)
+            changed = True
+        else:
+            i += 1
+    m = samples.shape[0]
+    curve(q, h, N, primitives, c)
+    scan(c, h, s0, samples, obstacles, phi)
+    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    for o in range(obstacles.shape[0]):
+        for k in range(1, m - 1):
+            # a minimum among the samples that could reach the surface: the curve has unit speed
+            if not (phi[o, k] < spacing and phi[o, k] <= phi[o, k - 1] and phi[o, k] <= phi[o, k + 1]):
+                continue
+            s = lowest(q, h, s0, nodes, c, samples[k], spacing, obstacles[o])
+            value, _, _ = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
+            if value >= -depth:
+                continue
+            near, near_flat, stretch = -1, False, 0
+            for i in range(count):
+                if points[i, OBSTACLE] != o:
+                    continue
+                if abs(points[i, PLACE] - s) < 1.01 * spacing:
+                    near = i
+                    near_flat = near_flat or points[i, FLAT] == 1.0
+                if abs(points[i, PLACE] - s) < 2.5 * spacing:
+                    stretch += 1
+            if near < 0:
+                count = add(points, count, o, s, False, 0.0)
+                changed = True
+            elif near_flat:
+                if contract and stretch <= 2:
+                    count = merge(points, count, o, s, 2.5 * spacing)
+                    changed = True
+            else:
+                # two minima closer than the samples: the cable begins to lie on the surface
+                low, high = min(s, points[near, PLACE]), max(s, points[near, PLACE])
+                total = points[near, FORCE : HELD + 3].copy()
+                count = remove(points, count, near)
+                before = count
+                for b in range(1, m - 1):
+                    if low - spacing < samples[b] < high + spacing:
+                        count = add(points, count, o, samples[b], True, 0.5 * spacing)
+                for b in range(before, count):
+                    points[b, FORCE : HELD + 3] = total / (count - before)
+                changed = True
+        # samples beside a stretch that have sunk in
+        for k in range(1, m - 1):
+            if phi[o, k] < -depth:
+                beside = False
+                for i in range(count):
+                    if points[i, OBSTACLE] == o and points[i, FLAT] == 1.0:
+                        beside = beside or abs(points[i, PLACE] - samples[k]) < 1.5 * spacing
+                if beside:
+                    before = count
+                    count = add(points, count, o, samples[k], True, 0.5 * spacing)
+                    changed = changed or count > before
+    # a stretch of one sample is a point again
+    for i in range(count):
+        if points[i, FLAT] == 1.0:
+            alone = True
+            for k in range(count):
+                if k != i and points[k, OBSTACLE] == points[i, OBSTACLE]:
+                    alone = alone and abs(points[k, PLACE] - points[i, PLACE]) > 1.5 * spacing
+            if alone:
+                points[i, FLAT] = 0.0
+                changed = True
+    return changed, count
+
+
+@njit(**OPTIONS)
+def crowded(points, count, h, s0, spacing):
+    """Whether some element has more flat points than it has freedom for."""
+    for e in range(h.shape[0]):
+        if h[e] <= 3.3 * spacing:
+            continue
+        inside = 0
+        for i in range(count):
+            if points[i, FLAT] == 1.0 and s0[e] <= points[i, PLACE] <= s0[e] + h[e]:
+                inside += 1
+        if inside > 2:
+            return True
+    return False
+
+
+@njit(**OPTIONS)
+def passage(q_old, q, h, s0, N, primitives, c, samples, old_obstacles, obstacles, phi):
+    """From one shape to the next on the same mesh: how near it is now, and whether it may have gone through.
+
+    Returns the smallest gap at the inner samples (phi receives all) and whether some sample has moved so far beside an
+    obstacle that it could have passed it within the step.
+    """
+    old_c = np.empty_like(c)
+    curve(q_old, h, N, primitives, old_c)
+    curve(q, h, N, primitives, c)
+    smallest = scan(c, h, s0, samples, obstacles, phi)
+    crossed = False
+    r, r_old = np.empty(3), np.empty(3)
+    for o in range(obstacles.shape[0]):
+        new, old = obstacles[o], old_obstacles[o]
+        width = np.inf
+        for k in range(13, 16):
+            if new[k] > 0.0:
+                width = min(width, new[k])
+        if width == np.inf:
+            continue
+        for k in range(1, samples.shape[0] - 1):
+            position(c, h, s0, samples[k], r)
+            position(old_c, h, s0, samples[k], r_old)
+            way = 0.0
+            for i in range(3):
+                v = 0.0
+                for j in range(3):
+                    v += new[4 + 3 * j + i] * (r[j] - new[1 + j]) - old[4 + 3 * j + i] * (r_old[j] - old[1 + j])
+                way += v * v
+            way = np.sqrt(way)
+            crossed = crossed or (way > width + new[16] and phi[o, k] < way)
+    return smallest, crossed
+
+
+@njit(**OPTIONS)
+def dips(q, h, s0, nodes, c, samples, spacing, obstacles, phi, depth):
+    """Whether the curve between the samples is deeper than `depth` in some obstacle."""
+    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    for o in range(obstacles.shape[0]):
+        for k in range(1, samples.shape[0] - 1):
+            if phi[o, k] < spacing and phi[o, k] <= phi[o, k - 1] and phi[o, k] <= phi[o, k + 1]:
+                s = lowest(q, h, s0, nodes, c, samples[k], spacing, obstacles[o])
+                value, _, _ = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
+                if value < -depth:
+                    return True
+    return False

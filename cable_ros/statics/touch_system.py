@@ -1,0 +1,430 @@
+"""Compiled: the equilibrium with contact points, by Newton's method on a changing active set.
+
+The unknowns of a contact point are its normal force and, where it slides, its place; both are eliminated as borders
+of the rod's banded system. Coulomb friction is an elastic-plastic law for the increment since the last equilibrium:
+stick is a stiff spring, slip a force of the cone's size against the increment (return mapping). Units of the cable,
+start clamp's frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from cable_ros.mechanics import quaternion
+from cable_ros.mechanics.effects.contact_kernels import across, curve, find_element, position, pull, shape, tangent
+from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_derivative
+from cable_ros.solve import banded
+from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
+from cable_ros.statics.saddle import border_factor, border_step, end_coupling
+from cable_ros.statics.touch_kernels import FLAT, FORCE, FRICTION, HELD, OBSTACLE, PLACE, crowded, gap_at, place_points, revise
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
+STICK = 1e6
+"""Stiffness of stick, EI / L^3: what sticks creeps by 1e-6 of the length per unit of force."""
+
+
+@njit(**OPTIONS)
+def point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc):
+    """Internal force Fe (elements, 3) beside weight, and the pull acc (n, 4) of the points inside elements."""
+    order = N.shape[1] - 1
+    elements = h.shape[0]
+    P, qs, gT, H = np.empty(3), np.empty(4), np.empty(4), np.empty((4, 4))
+    acc[:] = 0.0
+    for e in range(elements):
+        for a in range(3):
+            Fe[e, a] = F[a]
+    for i in range(count):
+        e, x = find_element(points[i, PLACE], s0, h)
+        for a in range(3):
+            P[a] = points[i, FORCE] * normals[i, a] + points[i, FRICTION + a]
+            for k in range(e):
+                Fe[k, a] += P[a]
+        if x == 0.0:
+            continue
+        for k in range(gauss.shape[0]):
+            for a in range(4):
+                qs[a] = 0.0
+                for j in range(order + 1):
+                    qs[a] += N[k, j] * q[e * order + j, a]
+            pull(qs, P, h[e] * part(primitives, k, x), gT, H)
+            for j in range(order + 1):
+                for a in range(4):
+                    acc[e * order + j, a] += N[k, j] * gT[a]
+
+
+@njit(**OPTIONS)
+def part(primitives, k, x):
+    """Weight of the tangent at Gauss point k in the way from the element's start to the place x."""
+    v = 0.0
+    for m in range(primitives.shape[0] - 1, -1, -1):
+        v = (v + primitives[m, k]) * x
+    return v
+
+
+@njit(**OPTIONS)
+def rub(points, i, n, t, mu, model, step, turned, sense, limit):
+    """Friction on contact point i after the increment `step` (3,) over the obstacle; writes it to `points`.
+
+    `turned` (3,): the friction before, turned with the obstacle; `sense` (3,): which way the end goes. `limit` (7,)
+    receives the tangent: direction of the slip force (3; zero: stick), direction across it (3), stiffness across.
+    """
+    for a in range(7):
+        limit[a] = 0.0
+    cone = mu * max(points[i, FORCE], 0.0)
+    if model == SLIDING:
+        side = np.cross(t, n)
+        size = np.sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
+        way = side[0] * sense[0] + side[1] * sense[1] + side[2] * sense[2]
+        for a in range(3):
+            limit[a] = 0.0 if way == 0.0 or size == 0.0 else (-side[a] / size if way > 0.0 else side[a] / size)
+            points[i, FRICTION + a] = cone * limit[a]
+        return
+    trial = np.empty(3)
+    normal = 0.0
+    for a in range(3):
+        trial[a] = turned[a] - STICK * step[a]
+        normal += trial[a] * n[a]
+    size = 0.0
+    for a in range(3):
+        trial[a] -= normal * n[a]
+        size += trial[a] * trial[a]
+    size = np.sqrt(size)
+    if size <= cone:
+        limit[6] = STICK
+        for a in range(3):
+            points[i, FRICTION + a] = trial[a]
+        return
+    for a in range(3):
+        limit[a] = trial[a] / size
+        points[i, FRICTION + a] = cone * limit[a]
+    limit[3] = n[1] * limit[2] - n[2] * limit[1]
+    limit[4] = n[2] * limit[0] - n[0] * limit[2]
+    limit[5] = n[0] * limit[1] - n[1] * limit[0]
+    limit[6] = STICK * cone / size
+
+
+@njit(**OPTIONS)
+def carry(old, new, r, v):
+    """Move the place r (3,) and turn the vector v (3,) with an obstacle from where it was to where it is."""
+    y, w = np.zeros(3), np.zeros(3)
+    for i in range(3):
+        for j in range(3):
+            y[i] += old[4 + 3 * j + i] * (r[j] - old[1 + j])
+            w[i] += old[4 + 3 * j + i] * v[j]
+    for i in range(3):
+        r[i] = new[1 + i]
+        v[i] = 0.0
+        for j in range(3):
+            r[i] += new[4 + 3 * i + j] * y[j]
+            v[i] += new[4 + 3 * i + j] * w[j]
+
+
+@njit(**OPTIONS)
+def system(
+    q, F, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h, old_s0, old_obstacles,
+    sense, model, points, count, gaps, normals,
+    acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
+):  # fmt: skip
+    """Gradient, and where `full` the Hessian with its borders, at (q, F) with `count` contact points.
+
+    `V` (rows, 3n) receives the constraints' derivatives: end position (3), gaps (count), then a row for each direction
+    in which a gap is curved or friction is stiff, with its weight's inverse in `delta`; `W` the directions in which
+    the multipliers act, the same but where friction follows the normal force; `lines` (rows, 3) the direction that each
+    reads the position in, of the point before which there are `upto` (rows,) elements. `old_c`, `old_h`, `old_s0` are the curve
+    of the last equilibrium, `old_obstacles` where they were. Returns (rows, whether W is V).
+    """
+    N, dN, N3, dN3, gauss, weights = tables
+    order = N.shape[1] - 1
+    nd = 3 * (order + 1)
+    band = nd - 1
+    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    before, turned = np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    size = max(count, 1)
+    frames = np.empty((size, 2, 3))
+    curved = np.empty((size, 3))
+    slopes = np.zeros((size, 3))
+    limits = np.zeros((size, 7))
+    for i in range(count):
+        o = int(points[i, OBSTACLE])
+        ob = obstacles[o]
+        gaps[i], _, curvature = gap_at(q, h, s0, nodes, c, points[i, PLACE], ob, r, t, dt, n, directions, bends)
+        curved[i, 2] = 0.0 if points[i, FLAT] == 1.0 else max(curvature, 1e-9)
+        for a in range(3):
+            normals[i, a] = n[a]
+        for k in range(2):
+            curved[i, k] = bends[k]
+            along = 0.0
+            for a in range(3):
+                frames[i, k, a] = directions[k, a]
+                along += directions[k, a] * t[a]
+            for a in range(3):
+                slopes[i, a] += bends[k] * along * directions[k, a]
+        if model != FRICTIONLESS and ob[17] > 0.0:
+            position(old_c, old_h, old_s0, points[i, PLACE], before)
+            for a in range(3):
+                turned[a] = points[i, HELD + a]
+            carry(old_obstacles[o], ob, before, turned)
+            for a in range(3):
+                before[a] = r[a] - before[a]
+            rub(points, i, n, t, ob[17], model, before, turned, sense, limits[i])
+    Fe = np.empty((h.shape[0], 3))
+    point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc)
+    gradient(q, Fe, f, K, kappa0, h, s0, N, dN, gauss, weights, acc, g, radial, totals)
+    if not full:
+        return 3 + count, True
+    hessian(q, Fe, f, K, kappa0, h, s0, N, dN, N3, dN3, gauss, weights, radial, elastic, geometric, parts, C)
+    columns = C.shape[1]
+    for a in range(3):
+        for j in range(columns):
+            V[a, j] = C[a, j]
+        delta[a] = 0.0
+    rows = 3 + count
+    same = True
+    D, Y = np.empty((4, nd)), np.empty((4, nd))
+    frame = np.empty((4, nd))
+    own, turn = np.empty((3, nd)), np.empty((3, nd))
+    way = np.empty((3, columns))
+    Nx, dNx = np.empty(order + 1), np.empty(order + 1)
+    qs, gT, H, P = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty(3)
+    for i in range(count):
+        e, x = find_element(points[i, PLACE], s0, h)
+        first = e * order
+        for j in range(order + 1):
+            increments(q[first + j], 3 * j, frame)
+        own[:] = 0.0
+        turn[:] = 0.0
+        for a in range(3):
+            P[a] = points[i, FORCE] * normals[i, a] + points[i, FRICTION + a]
+        for k in range(gauss.shape[0]):
+            if x == 0.0:
+                break
+            at_place(q, first, order, N[k], frame, qs, D)
+            norm = tangent(qs, t)
+            weight = h[e] * part(primitives, k, x)
+            tangent_derivative(qs, t, 2.0 * weight / norm, D, own, 0, nd)
+            pull(qs, P, weight, gT, H)
+            for a in range(4):
+                for j in range(nd):
+                    Y[a, j] = H[a, 0] * D[0, j] + H[a, 1] * D[1, j] + H[a, 2] * D[2, j] + H[a, 3] * D[3, j]
+            for j in range(nd):
+                for m in range(j + 1):
+                    geometric[3 * first + j, band + m - j] += (
+                        D[0, j] * Y[0, m] + D[1, j] * Y[1, m] + D[2, j] * Y[2, m] + D[3, j] * Y[3, m]
+                    )
+        shape(nodes, x, Nx, dNx)
+        at_place(q, first, order, Nx, frame, qs, D)
+        norm = tangent(qs, t)
+        tangent_derivative(qs, t, 2.0 / norm, D, turn, 0, nd)
+        way[:] = 0.0
+        for k in range(e):
+            for a in range(3):
+                for j in range(nd):
+                    way[a, 3 * k * order + j] += parts[k, a, j]
+        for a in range(3):
+            for j in range(nd):
+                way[a, 3 * first + j] += own[a, j]
+        row(V, 3 + i, normals[i], way)
+        delta[3 + i] = 0.0
+        lines[3 + i] = normals[i]
+        begin = rows
+        upto[3 + i] = e
+        slip = limits[i, 0] != 0.0 or limits[i, 1] != 0.0 or limits[i, 2] != 0.0
+        if slip:
+            same = False
+            mu = obstacles[int(points[i, OBSTACLE]), 17]
+            for a in range(3):
+                P[a] = normals[i, a] + mu * limits[i, a]
+            row(W, 3 + i, P, way)
+        else:
+            W[3 + i] = V[3 + i]
+        if limits[i, 6] > 0.0:
+            if slip:
+                row(V, rows, limits[i, 3:6], way)
+                lines[rows] = limits[i, 3:6]
+                delta[rows] = 1.0 / limits[i, 6]
+                rows += 1
+            else:
+                across(normals[i], directions)
+                for k in range(2):
+                    row(V, rows, directions[k], way)
+                    lines[rows] = directions[k]
+                    delta[rows] = 1.0 / limits[i, 6]
+                    rows += 1
+        for k in range(2):
+            if curved[i, k] > 0.0 and abs(points[i, FORCE]) >= 1e-9:
+                row(V, rows, frames[i, k], way)
+                lines[rows] = frames[i, k]
+                delta[rows] = -1.0 / (points[i, FORCE] * curved[i, k])
+                rows += 1
+        if curved[i, 2] > 0.0 and abs(points[i, FORCE]) >= 1e-9:
+            row(V, rows, slopes[i], way)
+            lines[rows] = slopes[i]
+            for j in range(nd):
+                for a in range(3):
+                    V[rows, 3 * first + j] += normals[i, a] * turn[a, j]
+            delta[rows] = curved[i, 2] / points[i, FORCE]
+            rows += 1
+        for b in range(begin, rows):
+            upto[b] = e
+    for b in range(3):
+        W[b] = V[b]
+    for b in range(3 + count, rows):
+        W[b] = V[b]
+    return rows, same
+
+
+@njit(**OPTIONS)
+def row(V, at, v, way):
+    """V[at] = v (3,) times way (3, 3n)."""
+    for j in range(way.shape[1]):
+        V[at, j] = v[0] * way[0, j] + v[1] * way[1, j] + v[2] * way[2, j]
+
+
+@njit(**OPTIONS)
+def at_place(q, first, order, N, frame, qs, D):
+    """Interpolated quaternion qs (4,) and its derivative D (4, 3 (order + 1)) with the shape functions N."""
+    for a in range(4):
+        qs[a] = 0.0
+        for j in range(order + 1):
+            qs[a] += N[j] * q[first + j, a]
+            for m in range(3 * j, 3 * j + 3):
+                D[a, m] = N[j] * frame[a, m]
+
+
+@njit(**OPTIONS)
+def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S):
+    """`border_factor` where the multipliers act along W but the constraints read V; says nothing about stability."""
+    n = elastic.shape[0]
+    for i in range(n):
+        for j in range(A.shape[1]):
+            A[i, j] = elastic[i, j] + geometric[i, j]
+    banded.factor(A, 3, n - 3, order, U, pivots)
+    for a in range(rows):
+        for i in range(n):
+            Y[a, i] = W[a, i] if 3 <= i < n - 3 else 0.0
+        banded.solve(U, pivots, 3, n - 3, order, Y[a])
+    for a in range(rows):
+        for b in range(rows):
+            s = 0.0
+            for i in range(3, n - 3):
+                s += V[a, i] * Y[b, i]
+            S[a, b] = s
+        S[a, a] += delta[a]
+
+
+@njit(**OPTIONS)
+def touch(
+    q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, samples, spacing,
+    obstacles, old_obstacles, sense, model, points, count, gaps, normals, phi,
+    elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
+    tolerance, depth, limit, q_new, F_new,
+):  # fmt: skip
+    """From the equilibrium (q, F) with its contact points to the one under new conditions; see `compiled.advance`.
+
+    A tangent step from the old state, Newton's method on the active set, and revisions of the set until no point
+    pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place.
+    Returns (code, iterations, count, rows, whether another mesh would hold the points better).
+    """
+    N, dN, N3, dN3, gauss, weights = tables
+    order = N.shape[1] - 1
+    n = 3 * q.shape[0]
+    gv = g.reshape(n)
+    s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
+    elements = h.shape[0]
+    c = np.empty((elements, gauss.shape[0] + 1, 3))
+    old_c = np.empty_like(c)
+    curve(q, h, N, primitives, old_c)
+    old_h, old_s0 = h.copy(), s0.copy()
+    points[:, HELD : HELD + 3] = points[:, FRICTION : FRICTION + 3]
+    last = q.shape[0] - 1
+    q_new[:] = q
+    F_new[:] = F
+    theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
+    total, rows, size = 0, 0, 0.0
+    lift, moved = True, False
+    for revision in range(40):
+        converged = False
+        for iteration in range(25):
+            if not lift:
+                moved = not place_points(q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count)
+            else:
+                curve(q_new, h, N, primitives, c)
+            rows, same = system(
+                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h, old_s0,
+                old_obstacles, sense, model, points, count, gaps, normals,
+                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, True,
+            )  # fmt: skip
+            if same:
+                convex = border_factor(
+                    elastic, geometric, 0.0, order, A, U, pivots, V, delta, rows, 3 + count, Y, S
+                )
+                if not convex and not lift and model == FRICTIONLESS:
+                    return NOT_CONVEX, total, count, rows, moved
+            else:
+                skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S)
+            b[:] = 0.0
+            for a in range(3):
+                b[a] = totals[a] - re[a]
+            for i in range(count):
+                b[3 + i] = gaps[i]
+            if lift:
+                end_coupling(elastic, geometric, V, rows, theta, gv, b)
+            border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)
+            if lift:
+                for k in range(3):
+                    s[n - 3 + k] = theta[k]
+            new = largest(s)
+            if not new <= limit:
+                return TOO_FAR, total, count, rows, moved
+            quaternion.retract(q_new, s, q_new)
+            close(q_new, qe)
+            scale, change = 1e-3, 0.0
+            for a in range(3):
+                F_new[a] += y[a]
+                scale = max(scale, abs(F_new[a]))
+                change = max(change, abs(y[a]))
+            for i in range(count):
+                points[i, FORCE] += y[3 + i]
+                change = max(change, abs(y[3 + i]))
+            new = max(new, change / scale)
+            if not lift:
+                total += 1
+                rate = min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1
+                if new * rate <= tolerance or new < 1e-13:
+                    converged = True
+                    break
+                if iteration > 8 and new > 0.5 * size and model == FRICTIONLESS:
+                    return NOT_CONTRACTING, total, count, rows, moved
+            lift = False
+            size = new
+        if not converged:
+            return NOT_CONTRACTING, total, count, rows, moved
+        changed, count = revise(
+            q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi,
+            revision < 12,
+        )  # fmt: skip
+        if not changed:
+            moved = moved or crowded(points, count, h, s0, spacing)
+            system(
+                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h, old_s0,
+                old_obstacles, sense, model, points, count, gaps, normals,
+                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, False,
+            )  # fmt: skip
+            return ADVANCED, total, count, rows, moved
+        size = 0.0
+    return NOT_CONTRACTING, total, count, rows, moved
+
+
+@njit(**OPTIONS)
+def nodal(q, acc, out):
+    """The pull acc (n, 4) at the nodal quaternions as moments out (3n,)."""
+    for i in range(q.shape[0]):
+        w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        a, b, c, d = acc[i, 0], acc[i, 1], acc[i, 2], acc[i, 3]
+        out[3 * i] = 0.5 * (-x * a + w * b + z * c - y * d)
+        out[3 * i + 1] = 0.5 * (-y * a - z * b + w * c + x * d)
+        out[3 * i + 2] = 0.5 * (-z * a + y * b - x * c + w * d)

@@ -1,0 +1,313 @@
+"""One cable that may touch obstacles: a rod with contact points, which come and go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.mechanics.effects.contact_kernels import curve, position
+from cable_ros.mechanics.elements import Mesh, primitives
+from cable_ros.solve.trust_region import Options, minimize
+from cable_ros.statics import compiled
+from cable_ros.statics.rod import REFRESH, Rod
+from cable_ros.statics.softened import Softened
+from cable_ros.statics.touch_kernels import (
+    CAPACITY,
+    COLUMNS,
+    FLAT,
+    FORCE,
+    FRICTION,
+    HELD,
+    PLACE,
+    TIE,
+    dips,
+    passage,
+)
+from cable_ros.statics.touch_system import FRICTIONLESS, SLIDING, nodal, point_forces, system, touch
+
+ROWS = 3 + 5 * CAPACITY
+CLOSEST = 0.02
+"""A boundary is put no nearer than this to another, parts of the length."""
+
+
+class TouchingRod(Rod):
+    """A `Rod` among obstacles: while nothing touches it is one, bit for bit.
+
+    The contact points belong to its last equilibrium: `advance` and `minimum` change them, together with the lengths
+    of the elements, and put them back where they fail.
+
+    Args:
+        mesh, stiffness, natural: as in `Rod`.
+        tolerance: of the end wrench; it sets how deep a contact may be overlooked and how finely a stretch is held.
+    """
+
+    def __init__(
+        self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None, tolerance: float = 1e-4
+    ) -> None:
+        self.tolerance = tolerance
+        # penetration far below 1e-6 at the default tolerance, above the rounding of positions
+        self.depth = float(np.clip(1e-5 * tolerance, 1e-12, 1e-8))
+        cells = int(np.clip(round(16 * (1e-2 / tolerance) ** 0.25), 24, 120))
+        self.spacing = 1.0 / cells
+        self.samples = np.linspace(0.0, 1.0, cells + 1)
+        self.model = FRICTIONLESS
+        self.sense = np.zeros(3)
+        self.points = np.zeros((CAPACITY, COLUMNS))
+        self.count, self.rows = 0, 3
+        self.gaps, self.normals = np.zeros(CAPACITY), np.zeros((CAPACITY, 3))
+        super().__init__(mesh, stiffness, natural)
+
+    def _allocate(self, mesh: Mesh) -> None:
+        super()._allocate(mesh)
+        n = self.elastic.shape[0]
+        self.h, self.s0 = self.h.copy(), self.s0.copy()
+        self.primitives = primitives(mesh.element)
+        self.V, self.W, self.borders = np.zeros((ROWS, n)), np.zeros((ROWS, n)), np.zeros((ROWS, n))
+        self.lines, self.upto = np.zeros((ROWS, 3)), np.zeros(ROWS, np.int64)
+        self.delta, self.complement = np.zeros(ROWS), np.zeros((ROWS, ROWS))
+        self.c = np.zeros((len(self.h), len(self.primitives) + 1, 3))
+
+    def set_conditions(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
+    ) -> None:
+        """As `Rod.set_conditions`; `obstacles` (n, WIDTH): see `contact_kernels.gap`."""
+        super().set_conditions(qe, re, f)
+        if obstacles is not None:
+            if self.obstacles is None or len(obstacles) != len(self.obstacles):
+                self.phi = np.zeros((len(obstacles), len(self.samples)))
+            self.obstacles = obstacles
+
+    def variant(
+        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None, natural: np.ndarray | None = None,
+        scale: float = 1.0,
+    ) -> TouchingRod:  # fmt: skip
+        new = TouchingRod(
+            self.mesh if mesh is None else mesh,
+            self.K if stiffness is None else stiffness,
+            self.natural if natural is None else natural,
+            self.tolerance,
+        )
+        new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
+        new.model, new.sense = self.model, self.sense
+        new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
+        new.points[:, FORCE : HELD + 3] /= scale
+        if mesh is not None:
+            new.points[:, TIE] = -1.0
+        return new
+
+    @property
+    def sliding(self) -> bool:
+        """Whether the elements' lengths move with contact points."""
+        return self.count > 0
+
+    @property
+    def held(self) -> np.ndarray:
+        """(3,) what obstacles push the rod with, in all."""
+        touching = self.points[: self.count]
+        return (touching[:, FORCE, None] * self.normals[: self.count] + touching[:, FRICTION:HELD]).sum(axis=0)
+
+    def position(self, s: float) -> np.ndarray:
+        """(3,) of the centreline at arc length s of the last equilibrium."""
+        r = np.empty(3)
+        position(self.c, self.h, self.s0, s, r)
+        return r
+
+    # solving
+
+    def minimum(self, q: np.ndarray, F: np.ndarray, options: Options) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """Descend with soft obstacles, which any shape can start from, then make them hard."""
+        kept = self._state()
+        if self.count:
+            # mostly the same equilibrium on another mesh: its contacts are known
+            code, iterations, q_new, F_new = self._touch(
+                q, F, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
+            )
+            if code == compiled.ADVANCED:
+                return q_new, F_new, iterations
+        for stiffness in (1e3, 1e5):
+            self._restore(kept)
+            self.count = 0
+            soft = Softened(self, stiffness)
+            result = minimize(soft, q, F, options)
+            if not result.converged:
+                continue
+            soft.harden(result.x)
+            if not self.count:
+                return (result.x, result.y, result.iterations) if self.refactor(result.x, result.y) else None
+            code, iterations, q_new, F_new = self._touch(
+                result.x, result.y, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
+            )
+            if code == compiled.ADVANCED:
+                return q_new, F_new, result.iterations + iterations
+        self._restore(kept)
+        return None
+
+    def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
+        if not self.count:
+            return super().refactor(q, F)
+        curve(q, self.h, self.tables[0], self.primitives, self.c)
+        self._normal = None
+        self.rows = self.system(q, F, FRICTIONLESS)
+        self.drift = 0.0
+        return self.border_factor(0.0, 3 + self.count)
+
+    def advance(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+        tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        assert obstacles is not None and self.obstacles is not None
+        if not self.count:
+            before = self.qe, self.re, self.f
+            code, iterations, q_new, F_new = super().advance(q, F, qe, re, f, tolerance, limit)
+            if code != compiled.ADVANCED:
+                return code, iterations, q_new, F_new
+            clearance, crossed = passage(
+                q, q_new, self.h, self.s0, self.tables[0], self.primitives, self.c,
+                self.samples, self.obstacles, obstacles, self.phi,
+            )  # fmt: skip
+            if clearance > 0.5 * self.spacing or (clearance > -self.depth and not self._dips(q_new, obstacles)):
+                if crossed:
+                    self.set_conditions(*before)
+                    return compiled.TOO_FAR, iterations, q_new, F_new
+                self.obstacles = obstacles
+                return code, iterations, q_new, F_new
+            self.set_conditions(*before)
+        return self._touch(q, F, qe, re, f, tolerance, limit, obstacles)
+
+    def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
+        nodes = self.mesh.element.nodes
+        return bool(dips(q, self.h, self.s0, nodes, self.c, self.samples, self.spacing, obstacles, self.phi, self.depth))
+
+    def _state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
+        return self.points[: self.count].copy(), self.count, self.h.copy(), self.s0.copy()
+
+    def _restore(self, state: tuple[np.ndarray, int, np.ndarray, np.ndarray]) -> None:
+        points, self.count, self.h[:], self.s0[:] = state
+        self.points[: self.count] = points
+
+    def _touch(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+        tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True,
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        """One solve with contact points, from the equilibrium (q, F) with its own."""
+        kept, sense = self._state(), self.sense
+        if self.model == SLIDING:
+            way = re - self.re
+            size = float(np.linalg.norm(way))
+            if size > 1e-12:
+                self.sense = way / size
+        q_new, F_new = np.empty_like(q), np.empty(3)
+        code, iterations, self.count, self.rows, moved = touch(
+            q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
+            self.primitives, self.samples, self.spacing, obstacles, self.obstacles, self.sense, self.model,
+            self.points, self.count, self.gaps, self.normals, self.phi,
+            self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W, self.delta,
+            self.lines, self.upto, self.borders, self.complement, self.acc, self.g, self.radial, self.totals,
+            tolerance, self.depth, limit, q_new, F_new,
+        )  # fmt: skip
+        if code == compiled.ADVANCED and self.model != FRICTIONLESS:
+            # with friction as it stands: the iteration's own factors say nothing about stability
+            code = compiled.ADVANCED if self.border_factor(0.0, 3 + self.count) else compiled.NOT_CONVEX
+        if code != compiled.ADVANCED:
+            self._restore(kept)
+            self.sense = sense
+            return code, iterations, q_new, F_new
+        known = self.count == kept[1]
+        curve(q_new, self.h, self.tables[0], self.primitives, self.c)
+        self.set_conditions(qe, re, f, obstacles)
+        turned = self.drift + 2.0 * float(np.abs(q_new - q).max())
+        self.drift = turned if known and turned < REFRESH else 0.0
+        self.mesh = Mesh(self.mesh.element, self.h.copy())
+        if moved and remesh:
+            return self._remesh(q_new, F_new, iterations, tolerance)
+        if not self.count:
+            super().refactor(q_new, F_new)
+        return code, iterations, q_new, F_new
+
+    def _remesh(
+        self, q: np.ndarray, F: np.ndarray, iterations: int, tolerance: float
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:
+        """The equilibrium (q, F) once more, on a mesh that holds its contact points better."""
+        old, kept = self.mesh, self._state()
+        mesh = Mesh(old.element, np.diff([0.0, *self._boundaries(), 1.0]))
+        fresh = old.interpolate(q, mesh.nodes)
+        fresh[0], fresh[-1] = q[0], q[-1]
+        self._allocate(mesh)
+        self.points[: self.count, TIE] = -1.0
+        assert self.obstacles is not None
+        code, more, q_new, F_new = self._touch(
+            fresh, F, self.qe, self.re, self.f, tolerance, 0.6, self.obstacles, remesh=False
+        )
+        self.drift = 0.0
+        if code == compiled.ADVANCED:
+            return code, iterations + more, q_new, F_new
+        self._allocate(old)
+        self._restore(kept)
+        return compiled.ADVANCED if self.refactor(q, F) else compiled.NOT_CONVEX, iterations, q, F
+
+    def _boundaries(self) -> list[float]:
+        """Inner boundaries between elements: one at every sliding point, enough along stretches."""
+        edges = list(self.s0[1:])
+        touching = self.points[: self.count]
+        for s in touching[touching[:, FLAT] == 0.0, PLACE]:
+            near = [edge for edge in edges if abs(edge - s) < CLOSEST]
+            edges = sorted([edge for edge in edges if edge not in near] + [float(s)])
+        flat = touching[touching[:, FLAT] == 1.0, PLACE]
+        out: list[float] = []
+        for low, high in zip([0.0, *edges], [*edges, 1.0], strict=True):
+            inside = np.count_nonzero((flat >= low) & (flat <= high))
+            parts = int(np.ceil((high - low) / (3.0 * self.spacing))) if inside > 2 else 1
+            out += [low + (high - low) * k / parts for k in range(1, parts + 1)]
+        return out[:-1]
+
+    # the borders' algebra
+
+    def system(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
+        """Gradient, Hessian and borders at (q, F) with the contact points as they are; returns the borders' number."""
+        rows, _ = system(
+            q, F, self.f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
+            self.primitives, self.c, self.obstacles, self.c, self.h, self.s0, self.obstacles, self.sense, model,
+            self.points, self.count, self.gaps, self.normals, self.acc, self.g, self.radial, self.totals,
+            self.elastic, self.geometric, self.parts, self.C, self.V, self.W, self.delta, self.lines, self.upto, True,
+        )  # fmt: skip
+        return int(rows)
+
+    def border_factor(self, mu: float, equalities: int) -> bool:
+        """Factor the bordered system; whether it is a strict minimum's on the tangent space of the equalities."""
+        return bool(compiled.border_factor(
+            self.elastic, self.geometric, mu, self.mesh.element.order, self.A, self.L, self.pivots,
+            self.V, self.delta, self.rows, equalities, self.borders, self.complement,
+        ))  # fmt: skip
+
+    def border_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `compiled.border_step`."""
+        s, y = np.empty(gradient.shape[0]), np.empty(self.rows)
+        compiled.border_step(gradient, constraints, self.V, self.rows, self.mesh.element.order, self.L, self.pivots,
+                             self.borders, self.complement, s, y)  # fmt: skip
+        return s, y
+
+    # what a solution says
+
+    def stability_margin(self) -> float:
+        if not self.count:
+            return super().stability_margin()
+        if not self.mode.any():
+            self.mode[3:-3] = np.random.default_rng(0).normal(size=len(self.mode) - 6)
+        return float(compiled.margin(
+            self.elastic, self.V, self.rows, self.mesh.element.order, self.L, self.pivots, self.borders,
+            self.complement, self.mode, 50,
+        ))  # fmt: skip
+
+    def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        if not self.count:
+            return super().wrench_error(q, F)
+        Fe, residual = np.empty((len(self.h), 3)), np.empty(self.g.size)
+        point_forces(q, F, self.h, self.s0, self.tables[0], self.tables[4], self.primitives, self.points,
+                     self.normals, self.count, Fe, self.acc)  # fmt: skip
+        nodal(q, self.acc, residual)
+        curve(q, self.h, self.tables[0], self.primitives, self.c)
+        coarse = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
+        return np.asarray(compiled.error(
+            q, Fe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine, self.bubble, self.elastic,
+            self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L, self.pivots, self.borders,
+            self.complement, self.g, residual, self.shares,
+        ))  # fmt: skip
