@@ -31,6 +31,11 @@ def says(pattern: str) -> Check:
     return check
 
 
+def every(*checks: Check) -> Check:
+    """All of them hold."""
+    return lambda steps: next((fault for check in checks if (fault := check(steps)) is not None), None)
+
+
 def _difference(a: Step, b: Step) -> float:
     return relative_difference(a.equilibrium.end_wrench, b.equilibrium.end_wrench, b.rod)
 
@@ -99,6 +104,9 @@ def snaps(at_least: int, at_most: int = 1000) -> Check:
             moved = np.linalg.norm(second.points - first.points, axis=1).max() / after.rod.length
             if second.status is Status.SNAPPED:
                 count += 1
+                for start, end in re.findall(r"energy (\S+) -> (\S+) J", second.message):
+                    if not float(end) < float(start):
+                        return f"a snap did not lower the energy: {second.message}"
                 # The clamp's work in one small step is far below what a snap sets free.
                 if second.energy > first.energy + 0.05 * abs(first.energy):
                     return f"a snap raised the energy from {first.energy:.6g} to {second.energy:.6g} J"
