@@ -1,0 +1,94 @@
+"""Through a fold: what is published before and after, what is reported, and that the energy only falls."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+from references import planar
+from zoo_make import led
+
+from cable_ros import Equilibrium, Status, Tracker
+from cable_ros.bench.cases import case_scene
+from cable_ros.statics import walk
+from cable_ros.statics.rod import Rod
+
+
+def through_the_fold(step: float, tolerance: float = 1e-6) -> tuple[list[float], list[Equilibrium]]:
+    """An arch whose end turns against it until it snaps through; angles in degrees."""
+    angles = np.arange(-20.0, 60.0, step).tolist()
+    arch = planar.buckled(1.0, 1.0, 0.9)
+    case = led("arch", "", arch.scene(), [{"yaw": math.radians(a)} for a in angles])
+    tracker = Tracker(case_scene(case), tolerance=tolerance)
+    return angles, [tracker.solve(dict(pose))["cable"] for pose in case.path]
+
+
+def test_one_snap_is_reported_with_what_was_left_and_reached() -> None:
+    _, found = through_the_fold(1.0)
+    (at,) = [i for i, one in enumerate(found) if one.status is Status.SNAPPED]
+    before, after = found[at - 1], found[at]
+    told = re.search(r"energy (\S+) -> (\S+) J", after.message)
+    assert told
+    left, reached = float(told[1]), float(told[2])
+    assert reached < left
+    # One degree before the fold, and some part of one after it: the clamp's work in between is small.
+    assert left == pytest.approx(before.energy, rel=0.02)
+    assert reached == pytest.approx(after.energy, rel=0.05)
+    assert after.stable
+    assert after.stability_margin > before.stability_margin
+    assert all(one.status is Status.CONVERGED for i, one in enumerate(found) if i != at)
+
+
+def test_margin_falls_to_zero_like_a_root_at_the_fold() -> None:
+    # Distance to the fold: a parabola in the margin, so the margin squared is linear in the angle.
+    angles, found = through_the_fold(0.25)
+    (at,) = [i for i, one in enumerate(found) if one.status is Status.SNAPPED]
+    last = slice(at - 9, at - 1)
+    squares = np.array([one.stability_margin**2 for one in found[last]])
+    slope, offset = np.polyfit(angles[last], squares, 1)
+    # the margin is renewed every few steps only, and the parabola is the fold's first term
+    assert slope * np.array(angles[last]) + offset == pytest.approx(squares, abs=0.1 * squares[0])
+    # within the step that was reported, or one beside it
+    assert angles[at - 2] <= -offset / slope <= angles[at] + 0.25
+
+
+def test_the_snap_is_at_the_same_angle_whatever_the_steps() -> None:
+    where = []
+    for step in (4.0, 1.0, 0.25):
+        angles, found = through_the_fold(step)
+        (at,) = [i for i, one in enumerate(found) if one.status is Status.SNAPPED]
+        part = re.search(r"at (\S+) % of the step", found[at].message)
+        assert part
+        where.append(angles[at - 1] + step * float(part[1]) / 100.0)
+    # the walk stops within 1e-4 of a step of the fold, and a fold is felt before it is reached
+    assert where == pytest.approx([where[-1]] * 3, abs=0.02)
+
+
+def test_energy_only_falls(monkeypatch: pytest.MonkeyPatch) -> None:
+    falls: list[list[float]] = []
+    linearize, fall = Rod.linearize, walk.fall
+
+    def spy(*args, **kwargs):
+        energies: list[float] = []
+
+        def recorded(self, x, y):
+            out = linearize(self, x, y)
+            energies.append(out[0])
+            return out
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Rod, "linearize", recorded)
+            result = fall(*args, **kwargs)
+        falls.append(energies)
+        return result
+
+    monkeypatch.setattr(walk, "fall", spy)
+    through_the_fold(2.0)
+    snap = max(falls, key=lambda energies: energies[0] - energies[-1])
+    assert len(snap) > 5
+    # from the second on: the clamp's last small move, before the fall, may do work on the cable;
+    # rounding of an energy of about 3 is below 1e-12
+    assert np.diff(snap[1:]).max() < 1e-12
+    assert snap[-1] < 0.5 * snap[1]
