@@ -101,12 +101,38 @@ class RobustnessError(ValueError):
     """The arguments do not name something to run."""
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What is counted of one answer: the whole of 20,000 would not fit into memory."""
+
+    verified: bool
+    seconds: float
+    iterations: int
+    error: float
+    """Of the wrench; NaN where it could not be verified."""
+    gravity_number: float
+    chord: float
+    """Relative to the length."""
+
+    @classmethod
+    def of(cls, step: Step) -> Answer:
+        rod = step.rod
+        return cls(
+            step.verified,
+            step.seconds,
+            step.equilibrium.iterations,
+            step.verification.wrench_error if step.verification and step.verified else np.nan,
+            rod.gravity_number,
+            float(np.linalg.norm(rod.end[:3] - rod.start[:3]) / rod.length),
+        )
+
+
 @dataclass
 class Tally:
     """What became of many cases."""
 
     name: str
-    answers: list[Step] = field(default_factory=list)
+    answers: list[Answer] = field(default_factory=list)
     wrong: list[tuple[Case, str]] = field(default_factory=list)
     """Published as true and not, raised, or took too long."""
     reported: list[tuple[Case, str]] = field(default_factory=list)
@@ -114,7 +140,7 @@ class Tally:
     statuses: Counter[Status] = field(default_factory=Counter)
 
     def add(self, outcome: Outcome) -> None:
-        self.answers += outcome.steps
+        self.answers += [Answer.of(step) for step in outcome.steps]
         for i, step in enumerate(outcome.steps):
             self.statuses[step.equilibrium.status] += 1
             where = f"pose {i}: " if len(outcome.steps) > 1 else ""
@@ -133,7 +159,7 @@ class Tally:
     @property
     def share(self) -> float:
         """Share of answers that are verified equilibria."""
-        return sum(step.verified for step in self.answers) / max(1, len(self.answers))
+        return sum(answer.verified for answer in self.answers) / max(1, len(self.answers))
 
     @property
     def good(self) -> bool:
@@ -141,7 +167,7 @@ class Tally:
 
     def row(self) -> list[str]:
         """As HEAD has it."""
-        ms = 1e3 * np.array([step.seconds for step in self.answers])
+        ms = 1e3 * np.array([answer.seconds for answer in self.answers])
         return [
             "cable_ros",
             self.name,
@@ -154,9 +180,9 @@ class Tally:
         ]
 
     def report(self, seed: int) -> str:
-        times = 1e3 * np.array([step.seconds for step in self.answers])
-        iterations = np.array([step.equilibrium.iterations for step in self.answers])
-        errors = [s.verification.wrench_error for s in self.answers if s.verification and s.verified]
+        times = 1e3 * np.array([answer.seconds for answer in self.answers])
+        iterations = np.array([answer.iterations for answer in self.answers])
+        errors = [answer.error for answer in self.answers if answer.verified]
         lines = [
             f"{self.name}: {len(self.answers)}, seed {seed}",
             f"  converged and verified  {100 * self.share:.3f} %",
@@ -169,8 +195,8 @@ class Tally:
             f"  time                    median {np.median(times):.2f} ms, "
             f"99 % {np.quantile(times, 0.99):.2f} ms, most {times.max():.1f} ms",
             f"  iterations              median {np.median(iterations):.0f}, most {iterations.max()}",
-            *self._by("gravity number", [s.rod.gravity_number for s in self.answers], GRAVITY_EDGES),
-            *self._by("chord / length", [_chord(s) for s in self.answers], CHORD_EDGES),
+            *self._by("gravity number", [answer.gravity_number for answer in self.answers], GRAVITY_EDGES),
+            *self._by("chord / length", [answer.chord for answer in self.answers], CHORD_EDGES),
         ]
         for title, cases in (("reported", self.reported), ("WRONG", self.wrong)):
             lines += [f"  {title}: {_label(case)}: {why}" for case, why in cases[:50]]
@@ -184,14 +210,14 @@ class Tally:
             f"  {name:22s}  {'cases':>6s} {'verified':>9s} {'iterations':>10s} {'ms':>8s} {'most ms':>8s}"
         ]
         for i in range(len(edges) - 1):
-            chosen = [step for step, at in zip(self.answers, place, strict=True) if at == i]
+            chosen = [answer for answer, at in zip(self.answers, place, strict=True) if at == i]
             if not chosen:
                 continue
-            ms = [1e3 * step.seconds for step in chosen]
+            ms = [1e3 * answer.seconds for answer in chosen]
             lines.append(
                 f"    {edges[i]:8g} .. {edges[i + 1]:8g}  {len(chosen):6d} "
-                f"{100 * np.mean([s.verified for s in chosen]):8.2f}% "
-                f"{np.median([s.equilibrium.iterations for s in chosen]):10.0f} "
+                f"{100 * np.mean([answer.verified for answer in chosen]):8.2f}% "
+                f"{np.median([answer.iterations for answer in chosen]):10.0f} "
                 f"{np.median(ms):8.2f} {max(ms):8.1f}"
             )
         return lines
@@ -199,10 +225,6 @@ class Tally:
 
 def _label(case: Case) -> str:
     return case.name.replace(" ", ":")
-
-
-def _chord(step: Step) -> float:
-    return float(np.linalg.norm(step.rod.end[:3] - step.rod.start[:3]) / step.rod.length)
 
 
 def _hidden_jump(before: Step, after: Step) -> bool:
