@@ -108,7 +108,7 @@ def test_gradient_and_hessian(name: str) -> None:
     step = 1e-5
     compared = 0
     for r in places(2, 200):
-        _, n, H = value(obstacle, r)
+        _, n, second = value(obstacle, r)
         sides = [[value(obstacle, r + s * step * e) for s in (-1, 1)] for e in np.eye(3)]
         across = np.array([(b[1] - a[1]) for a, b in sides]) / (2 * step)
         if np.abs(across).max() > 1e3:
@@ -118,9 +118,9 @@ def test_gradient_and_hessian(name: str) -> None:
         # Central differences: step^2 times the third derivative, up to 1 / distance^2; rounding 1e-16 / step.
         assert n == pytest.approx(gradient, abs=1e-6)
         assert np.linalg.norm(n) == pytest.approx(1.0, abs=1e-12)
-        curvature = max(np.abs(H).max(), 1.0)
-        assert pytest.approx(across, abs=1e-4 * curvature**3) == H
-        assert H @ n == pytest.approx(np.zeros(3), abs=1e-10 * curvature)
+        curvature = max(np.abs(second).max(), 1.0)
+        assert second == pytest.approx(across, abs=1e-4 * curvature**3)
+        assert second @ n == pytest.approx(np.zeros(3), abs=1e-10 * curvature)
     assert compared > 190
 
 
@@ -271,7 +271,7 @@ def test_the_curve_passes_where_the_solver_has_its_ends_and_follows_the_tangents
             s = start + h * x
             tangent = quaternion.rotate(MESH.interpolate(q, np.array([s]))[0], z)
             reached = reached + h * weight * tangent
-            # At a Gauss point the curve's slope is the tangent; central differences of a polynomial of order 5.
+            # At a Gauss point its slope is the tangent; central differences of a polynomial of order 5.
             slope = (position(s + 1e-5) - position(s - 1e-5)) / 2e-5
             assert slope == pytest.approx(tangent, abs=1e-7)
     assert position(1.0) == pytest.approx(reached, abs=1e-13)
