@@ -10,6 +10,7 @@ warm starts.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -65,6 +66,7 @@ class FiniteDifferences:
 
     def __init__(self, cable: ClampedCable, parts: int, guess: BaselineResult | None = None) -> None:
         self.parts = parts
+        self.rows = kernels.NODE * parts + 11
         self.length = cable.length / _MM
         self.step = self.length / parts
         self.stiffness = cable.stiffness / _MM**2
@@ -151,11 +153,23 @@ class FiniteDifferences:
         )
 
 
-def minimise(
-    problem: FiniteDifferences, x: np.ndarray, options: GaussNewton
-) -> tuple[np.ndarray, int, bool, str]:
+class LeastSquares(Protocol):
+    """What the paper's iteration needs to know of a problem."""
+
+    parts: int
+    rows: int
+    gradient: np.ndarray
+    """(42), after `linearise`."""
+
+    def residual(self, x: np.ndarray, v: np.ndarray) -> float: ...
+    def linearise(self, x: np.ndarray, v: np.ndarray) -> None: ...
+    def damped_step(self, mu: float) -> np.ndarray: ...
+    def predicted(self, d: np.ndarray) -> float: ...
+
+
+def minimise(problem: LeastSquares, x: np.ndarray, options: GaussNewton) -> tuple[np.ndarray, int, bool, str]:
     """The paper's Fig. 6 from x: the minimiser, iterations, whether it came to rest, and what happened."""
-    v = np.empty(kernels.NODE * problem.parts + 11)
+    v = np.empty(problem.rows)
     value = problem.residual(x, v)
     mu = options.damping if options.damping is not None else 1e-6 * min(1.0, (80 / problem.parts) ** 3)
     for iteration in range(1, options.max_iterations + 1):

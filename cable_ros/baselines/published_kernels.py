@@ -35,7 +35,7 @@ def _vector_part_matrix(q, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def _load_in_section(q, f, out):  # type: ignore[no-untyped-def]
+def load_in_section(q, f, out):  # type: ignore[no-untyped-def]
     """(32), (33) for a load in any direction: R(q)^T f with R of (30)."""
     a, b, c, d = q[0], q[1], q[2], q[3]
     out[0] = (a * a + b * b - c * c - d * d) * f[0] + 2 * (b * c + a * d) * f[1] + 2 * (b * d - a * c) * f[2]
@@ -44,7 +44,7 @@ def _load_in_section(q, f, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def _load_in_section_matrix(q, f, out):  # type: ignore[no-untyped-def]
+def load_in_section_matrix(q, f, out):  # type: ignore[no-untyped-def]
     """Derivative of R(q)^T f by q, (3, 4)."""
     a, b, c, d = q[0], q[1], q[2], q[3]
     u = 2 * (a * f[0] + d * f[1] - c * f[2])
@@ -106,6 +106,21 @@ def positions(x, h, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def position_derivatives(x, h, out):  # type: ignore[no-untyped-def]
+    """Derivative of `positions` by the unknowns: out (n + 1, 3, 7 (n + 1))."""
+    by_first, by_second = np.empty((3, 4)), np.empty((3, 4))
+    out[:] = 0.0
+    for p in range(x.shape[0] - 1):
+        out[p + 1] = out[p]
+        _chord_matrix(x[p, :4], x[p + 1, :4], h, by_first)
+        _chord_matrix(x[p + 1, :4], x[p, :4], h, by_second)
+        for i in range(3):
+            for k in range(4):
+                out[p + 1, i, NODE * p + k] += by_first[i, k]
+                out[p + 1, i, NODE * (p + 1) + k] += by_second[i, k]
+
+
+@njit(cache=True)
 def residual(x, h, stiffness, load, start, end_q, end_r, length, out):  # type: ignore[no-untyped-def]
     """v of (39): x (n + 1, 7) -> out (11 + 7 n): end position, both ends' q, then w_1 .. w_n; returns |v|^2
     / 2.
@@ -130,7 +145,7 @@ def residual(x, h, stiffness, load, start, end_q, end_r, length, out):  # type: 
             bend[k] = weight * (x[first, k] - 2 * x[first + 1, k] + x[first + 2, k]) / (h * h)
         _vector_part(q, slope, V)
         _vector_part(q, bend, W)
-        _load_in_section(q, load, f)
+        load_in_section(q, load, f)
         _chord(x[p, :4], q, h, chord)
         r += chord
         arc += np.sqrt(chord[0] ** 2 + chord[1] ** 2 + chord[2] ** 2)
@@ -186,7 +201,7 @@ def jacobian(x, h, stiffness, load, local, whole):  # type: ignore[no-untyped-de
         _vector_part_matrix(q0, by_q)  # V = B(q) (q - q0) / h = B(q0) q / h, for B(q) q = 0
         _vector_part_matrix(q, by_bend)
         _vector_part_matrix(bend, turn)
-        _load_in_section_matrix(q, load, fq)
+        load_in_section_matrix(q, load, fq)
         block = local[p]
         if p < n - 1:
             for k in range(4):
