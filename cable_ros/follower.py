@@ -22,6 +22,7 @@ from cable_ros.statics.change import Section, follow
 from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
 from cable_ros.statics.readout import polyline_anywhere
 from cable_ros.statics.rod import Rod
+from cable_ros.statics.stretching import StretchingRod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.touch_kernels import FORCE, FRICTION, HELD, OBSTACLE, PLACE
 from cable_ros.statics.touch_system import COULOMB, FRICTIONLESS, SLIDING
@@ -38,6 +39,8 @@ AMONG_OBSTACLES = 0.1
 CLAMP_DEPTH = 1e-6
 """A clamp may be this deep inside an obstacle, parts of the length: rounding of poses."""
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
+LONGEST_STRETCH = 1.1
+"""A cable that stretches may be pulled to so many times its length; past that its stiffness is no constant."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
 """What a result says whose stability margin is 0."""
@@ -65,12 +68,18 @@ class Follower:
         self._stiffness = properties.stiffness / self._units.stiffness
         self._natural = np.zeros(3) if properties.natural is None else properties.natural * properties.length
         self._weight = properties.weight
+        self._compliance = None if properties.compliance is None else properties.compliance * self._units.force
         self._obstacles = properties.obstacles
         self._model = FRICTIONLESS
         if properties.obstacles is not None and properties.friction is not None and properties.friction.any():
             self._obstacles = properties.obstacles.copy()
             self._obstacles[:, 17] = properties.friction
             self._model = MODELS[properties.friction_model]
+
+    @property
+    def _reach(self) -> float:
+        """How far apart the clamps may be, parts of the length."""
+        return 1.0 if self._compliance is None or not self._compliance[2] else LONGEST_STRETCH
 
     def reset(self) -> None:
         """Forget the equilibrium."""
@@ -94,7 +103,7 @@ class Follower:
             return
         poses = kinematics(self._joints)[index]
         load = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)[2]
-        changed = follow(rod, self._q, self._F, Section(self._stiffness, self._natural, load),
+        changed = follow(rod, self._q, self._F, Section(self._stiffness, self._natural, load, self._compliance),
                          self._units.force / before.force, ALGEBRAIC * self.tolerance)  # fmt: skip
         self._estimate = np.inf
         if changed is None:
@@ -193,7 +202,7 @@ class Follower:
         """Search the pose for its stable equilibria: take the one that the hint asks for, or that of least energy."""
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         chord = float(np.linalg.norm(conditions.re))
-        if not chord < 1.0:
+        if not chord < self._reach:
             excess = (chord - 1.0) * self._units.length
             message = f"The clamps are {excess * 1e3:.4g} mm farther apart than the cable is long ({self._units.length:g} m)."
             if excess <= 0.0:
@@ -201,7 +210,9 @@ class Follower:
             return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
         if conditions.obstacles is not None and (blocked := self._blocked(conditions.obstacles, conditions.re)):
             return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
-        found = equilibria(self._stiffness, self._natural, conditions, hint, self.tolerance, thorough=False)
+        found = equilibria(
+            self._stiffness, self._natural, conditions, hint, self.tolerance, False, self._compliance
+        )
         if hint is not None:
             found.sort(key=lambda one: abs(one.twist - hint))
         for one in found:
@@ -217,12 +228,14 @@ class Follower:
         begin = time.perf_counter()
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
-        if not np.linalg.norm(conditions.re) < 1.0:
+        if not np.linalg.norm(conditions.re) < self._reach:
             return out
         found: list[Found] = []
         for turns in (-1, 0, 1):
             hint = (self._hint or 0.0) + 2.0 * np.pi * turns
-            for one in equilibria(self._stiffness, self._natural, conditions, hint, self.tolerance):
+            for one in equilibria(
+                self._stiffness, self._natural, conditions, hint, self.tolerance, True, self._compliance
+            ):
                 fine, estimate = refine(one, self.tolerance)
                 if estimate <= self.tolerance and not any(same(fine, other) for other in found):
                     found.append(fine)
@@ -294,6 +307,8 @@ class Follower:
         table = self._sampling[2]
         compiled.polyline(self._q, rod.h, table.element, table.values, table.weights, table.quadrature,
                           start, self._units.length, points, orientations)  # fmt: skip
+        if isinstance(rod, StretchingRod):
+            rod.stretch_points(self._q, self._F, table, start, self._units.length, points)
         return points, orientations
 
     def failed(self, status: Status, message: str, solve_time: float) -> Equilibrium:
@@ -320,7 +335,7 @@ def _tangent(
     rod: Rod, qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray, unit: Units
 ) -> np.ndarray:
     """`Equilibrium.clamp_stiffness`, from a copy of the rod: the tracker's own may have moved on."""
-    copy = Rod(rod.mesh, rod.K, rod.natural)
+    copy = rod.variant() if isinstance(rod, StretchingRod) else Rod(rod.mesh, rod.K, rod.natural)
     copy.set_conditions(qe, re, f)
     scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2)
     scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2)

@@ -8,6 +8,7 @@ import numpy as np
 
 from cable_ros.statics import compiled
 from cable_ros.statics.rod import Rod
+from cable_ros.statics.stretching import StretchingRod
 
 LARGEST = 0.3
 """Largest change of a stiffness's logarithm in one step."""
@@ -25,6 +26,8 @@ class Section:
     """(3,)"""
     load: np.ndarray
     """(3,)"""
+    compliance: np.ndarray | None = None
+    """(3,) None: inextensible and unshearable."""
 
 
 def between(a: Section, b: Section, t: float) -> Section:
@@ -33,7 +36,21 @@ def between(a: Section, b: Section, t: float) -> Section:
         a.stiffness ** (1.0 - t) * b.stiffness**t if t < 1.0 else b.stiffness,
         (1.0 - t) * a.natural + t * b.natural,
         (1.0 - t) * a.load + t * b.load,
+        None if a.compliance is b.compliance is None else (1.0 - t) * _soft(a) + t * _soft(b),
     )
+
+
+def _soft(section: Section) -> np.ndarray:
+    return np.zeros(3) if section.compliance is None else section.compliance
+
+
+def _like(rod: Rod, section: Section) -> Rod:
+    """A rod on the same mesh, made of the section."""
+    if section.compliance is not None and section.compliance.any():
+        return StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
+    if isinstance(rod, StretchingRod):
+        return Rod(rod.mesh, section.stiffness, section.natural)
+    return rod.variant(stiffness=section.stiffness, natural=section.natural)
 
 
 def follow(
@@ -43,7 +60,8 @@ def follow(
 
     `scale` is the new unit of force over the old one. The rod itself is left as it is.
     """
-    before = Section(rod.K / scale, rod.natural, rod.f / scale)
+    soft = rod.compliance * scale if isinstance(rod, StretchingRod) else None
+    before = Section(rod.K / scale, rod.natural, rod.f / scale, soft)
     F = F / scale
     logarithm = float(np.abs(np.log(target.stiffness / before.stiffness)).max())
     last = rod.variant(scale=scale)
@@ -51,7 +69,7 @@ def follow(
     while at < 1.0:
         to = min(1.0, at + step)
         here, there = between(before, target, at), between(before, target, to)
-        new = last.variant(stiffness=there.stiffness, natural=there.natural)
+        new = _like(last, there)
         new.set_conditions(rod.qe, rod.re, here.load, rod.obstacles)
         if new.refactor(q, F):
             code, iterations, q_new, F_new = new.advance(

@@ -36,6 +36,9 @@ class Rod:
     obstacles: np.ndarray | None = None
     """What it may touch: nothing."""
 
+    least = 1e-6
+    """A wrench below this, in units of the cable, counts as nothing in a relative error."""
+
     def __init__(self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None) -> None:
         self.K = np.ascontiguousarray(stiffness, float)
         self.natural = np.zeros(3) if natural is None else np.ascontiguousarray(natural, float)
@@ -198,9 +201,12 @@ class Rod:
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Estimated error (6,) of end force and end moment, in units of the cable; see `compiled.error`."""
-        return compiled.error(q, compiled.spread(F, self.h), self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine,
+        return self._wrench_error(q, F, self.re, np.zeros(self.g.size))
+
+    def _wrench_error(self, q: np.ndarray, F: np.ndarray, re: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        return compiled.error(q, compiled.spread(F, self.h), re, self.f, self.K, self.natural, self.h, self.s0, self.fine,
                               self.bubble, self.elastic, self.geometric, self.C, 3, NO_LINES, NO_ELEMENTS, NO_LINES,
-                              self.L, self.pivots, self.Y, self.S, self.g, np.zeros(self.g.size), self.shares)  # fmt: skip
+                              self.L, self.pivots, self.Y, self.S, self.g, residual, self.shares)  # fmt: skip
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """The larger of the force's and the moment's estimated errors, each relative to its own size.
@@ -210,6 +216,6 @@ class Rod:
         """
         change = self.wrench_error(q, F)
         force, moment = float(np.linalg.norm(F)), float(np.linalg.norm(self.g[-1]))
-        force_scale = max(force, 0.03 * moment**2, 1e-6)
-        moment_scale = max(moment, 0.03 * force**0.5, 1e-6)
+        force_scale = max(force, 0.03 * moment**2, self.least)
+        moment_scale = max(moment, 0.03 * force**0.5, self.least)
         return float(max(np.linalg.norm(change[:3]) / force_scale, np.linalg.norm(change[3:]) / moment_scale))

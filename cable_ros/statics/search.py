@@ -11,6 +11,7 @@ from cable_ros.mechanics.elements import Mesh, reference_element
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics.guess import starts
 from cable_ros.statics.rod import ORDER, Rod
+from cable_ros.statics.stretching import SLACK, StretchingRod
 from cable_ros.statics.touching import TouchingRod
 
 AIM, ACCEPT = 0.1, 0.7
@@ -130,7 +131,7 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
 
 def equilibria(
     stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, hint: float | None,
-    tolerance: float = 1e-4, thorough: bool = True,
+    tolerance: float = 1e-4, thorough: bool = True, compliance: np.ndarray | None = None,
 ) -> list[Found]:
     """Distinct stable equilibria that the starts lead to, on a coarse mesh, by rising energy.
 
@@ -139,14 +140,24 @@ def equilibria(
     natural = np.zeros(3) if natural is None else natural
     mesh = first_mesh(conditions, abs(hint or 0.0) + float(np.linalg.norm(natural)), tolerance)
     found: list[Found] = []
-    for q in starts(mesh.nodes, conditions.qe, conditions.re, conditions.f, hint, natural):
-        if conditions.obstacles is None:
+    within = conditions.re * min(1.0, SLACK / max(float(np.linalg.norm(conditions.re)), SLACK))
+    re = conditions.re if compliance is None else within
+    taut = re is within and not np.array_equal(re, conditions.re)
+    for q in starts(mesh.nodes, conditions.qe, re, conditions.f, hint, natural):
+        rod: Rod
+        if compliance is not None:
+            rod = StretchingRod(mesh, stiffness, natural, compliance)
+        elif conditions.obstacles is None:
             rod = Rod(mesh, stiffness, natural)
         else:
             rod = TouchingRod(mesh, stiffness, natural, tolerance)
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
         one = settle(rod, q, np.zeros(3), Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8))
-        if one is None or any(same(one, other) for other in found):
+        if one is None:
+            continue
+        if any(same(one, other) for other in found):
+            if taut and not thorough:
+                break  # pulled straight, all starts of one twist are one
             continue
         found.append(one)
         if hint is not None and not thorough and abs(one.twist - hint) < 0.02:

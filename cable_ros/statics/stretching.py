@@ -1,19 +1,29 @@
-"""One cable that lengthens and shears under its force: a rod whose end position also answers to that force."""
+"""One cable that lengthens and shears under its force: its end position answers to that force, too."""
 
 from __future__ import annotations
 
-import numpy as np
+import itertools
 
-from cable_ros.mechanics.effects.stretch_kernels import stretch_gradient
-from cable_ros.mechanics.elements import Mesh
+import numpy as np
+from numpy.polynomial import legendre
+
+from cable_ros.mechanics.effects.stretch_kernels import stretch_gradient, stretch_polyline
+from cable_ros.mechanics.elements import Mesh, Sampling
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.response import clamp_response
 from cable_ros.statics.rod import Rod
-from cable_ros.statics.stretching_kernels import advance_stretching, moments, stretch_factor, stretch_linearize
+from cable_ros.statics.stretching_kernels import (
+    advance_stretching,
+    moments,
+    stretch_factor,
+    stretch_linearize,
+)
 
 SLACK = 0.95
 """A cold start begins with the clamps no farther apart than this, parts of the length, and inextensible."""
+PUSH = 10.0
+"""EI / L^3; a load per length that bends the cable as far as it can."""
 SHORTEST = 1e-4
 """Smallest part of the way from there before it counts as barred."""
 
@@ -31,12 +41,17 @@ class StretchingRod(Rod):
     ) -> None:
         self.compliance = np.ascontiguousarray(compliance, float)
         self.stretch, self.reach = np.zeros(4), np.zeros((3, 3))
+        # rounding of the end position, as force
+        self.least = max(1e-6, 1e-10 / float(np.max(self.compliance)))
         super().__init__(mesh, stiffness, natural)
 
     def variant(
-        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None, natural: np.ndarray | None = None,
+        self,
+        mesh: Mesh | None = None,
+        stiffness: np.ndarray | None = None,
+        natural: np.ndarray | None = None,
         scale: float = 1.0,
-    ) -> StretchingRod:  # fmt: skip
+    ) -> StretchingRod:
         new = StretchingRod(
             self.mesh if mesh is None else mesh,
             self.K if stiffness is None else stiffness,
@@ -68,60 +83,99 @@ class StretchingRod(Rod):
         q_new, F_new = np.empty_like(q), np.empty(3)
         code, iterations = advance_stretching(
             q, F, qe, re, f, self.K, self.natural, self.compliance, self.h, self.s0, self.tables,
-            self.elastic, self.geometric, self.parts, self.C, self.reach, self.A, self.L, self.pivots, self.Y, self.S,
-            self.acc, self.g, self.radial, self.totals, self.stretch, tolerance, limit, q_new, F_new,
+            self.elastic, self.geometric, self.parts, self.C, self.reach,
+            self.A, self.L, self.pivots, self.Y, self.S, self.acc, self.g, self.radial, self.totals, self.stretch,
+            tolerance, limit, q_new, F_new,
         )  # fmt: skip
         self.drift = 0.0
         if code == compiled.ADVANCED:
             self.set_conditions(qe, re, f)
         return code, iterations, q_new, F_new
 
-    def minimum(self, q: np.ndarray, F: np.ndarray, options: Options) -> tuple[np.ndarray, np.ndarray, int] | None:
+    def minimum(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
         """As `Rod.minimum`: near (q, F) by Newton's method, otherwise by way of the inextensible rod."""
         if F.any() and self.refactor(q, F):
             code, count, q_new, F_new = self.advance(q, F, self.qe, self.re, self.f, options.step_tolerance)
             if code == compiled.ADVANCED and self.refactor(q_new, F_new):
                 return q_new, F_new, count
         start = self.re * min(1.0, SLACK / max(float(np.linalg.norm(self.re)), 1e-12))
-        stiff = Rod(self.mesh, self.K, self.natural)
-        stiff.set_conditions(self.qe, start, self.f)
-        found = stiff.minimum(q, F, options)
-        return None if found is None else self._soften(*found, start, options.step_tolerance)
+        across = np.cross(start, np.eye(3)[np.argmin(np.abs(start))])
+        # a straight cable that is pulled taut passes its buckling load; a push from the side takes it round
+        for push in (np.zeros(3), PUSH * across / max(float(np.linalg.norm(across)), 1e-12)):
+            stiff = Rod(self.mesh, self.K, self.natural)
+            stiff.set_conditions(self.qe, start, self.f + push)
+            found = stiff.minimum(q, F, options)
+            if found is not None and (reached := self._soften(*found, start, push, options.step_tolerance)):
+                return reached
+        return None
 
     def _soften(
-        self, q: np.ndarray, F: np.ndarray, iterations: int, start: np.ndarray, tolerance: float
+        self,
+        q: np.ndarray,
+        F: np.ndarray,
+        iterations: int,
+        start: np.ndarray,
+        push: np.ndarray,
+        tolerance: float,
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """From the inextensible equilibrium with its end at `start`: grow the compliance, then move the end out."""
-        compliance, end = self.compliance, self.re
-        for ramp in (True, False):
-            if not ramp and np.array_equal(start, end):
-                break
+        """From the inextensible equilibrium with its end at `start` under the added load `push` to our own.
+
+        First the compliance grows, then the end moves out, then the push goes.
+        """
+        rod = self.variant()
+        # compliance, end position, load, one after the other
+        corners = [
+            np.concatenate([soft * self.compliance, end, self.f + aside])
+            for soft, end, aside in (
+                (0.0, start, push),
+                (1.0, start, push),
+                (1.0, self.re, push),
+                (1.0, self.re, 0.0),
+            )
+        ]
+        for begin, finish in itertools.pairwise(corners):
             at, step = 0.0, 1.0
+            if np.array_equal(begin, finish):
+                continue
             while at < 1.0:
                 to = min(1.0, at + step)
-                if ramp:
-                    self.compliance = to * compliance
-                self.re = start if ramp else start + at * (end - start)
+                target = (1.0 - to) * begin + to * finish
+                rod.compliance = target[:3].copy()
                 code = -1
-                if self.refactor(q, F):
-                    aim = start if ramp else start + to * (end - start)
-                    code, count, q_new, F_new = self.advance(q, F, self.qe, aim, self.f, tolerance)
+                if rod.refactor(q, F):
+                    code, count, q_new, F_new = rod.advance(q, F, self.qe, target[3:6], target[6:], tolerance)
                     iterations += count
                 if code == compiled.ADVANCED:
                     at, q, F = to, q_new, F_new
                     step *= 2.0
                 elif step < SHORTEST:
-                    self.compliance, self.re = compliance, end
                     return None
                 else:
                     step *= 0.5
-        self.compliance, self.re = compliance, end
         return (q, F, iterations) if self.refactor(q, F) else None
+
+    def stretch_points(
+        self,
+        q: np.ndarray,
+        F: np.ndarray,
+        table: Sampling,
+        start: np.ndarray,
+        length: float,
+        points: np.ndarray,
+    ) -> None:
+        """Add the way of the stretch to the world `points` (m, 3) of `readout.polyline`."""
+        places, _ = legendre.leggauss(len(table.quadrature))
+        stretch_polyline(q, F, self.f, self.compliance, self.h, self.s0, table.element, table.weights,
+                         table.quadrature, 0.5 * (places + 1.0), start, length, points)  # fmt: skip
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         self.refactor(q, F)
-        plain = clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic, self.geometric,
-                               self.C, self.mesh.element.order, self.L, self.pivots, self.Y, self.S, self.g)  # fmt: skip
+        plain = clamp_response(
+            q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables,
+            self.elastic, self.geometric, self.C, self.mesh.element.order, self.L, self.pivots, self.Y, self.S, self.g,
+        )  # fmt: skip
         # what the load adds by the stretch, when it turns against a start clamp that turns
         return plain + self._turning_load(q, F)
 
@@ -132,10 +186,8 @@ class StretchingRod(Rod):
         out = np.zeros((12, 12))
         for k in range(3):
             turned = np.cross(np.eye(3)[k], self.f)
-            right, c = 0.0, 0.0
-            for sign in (0.5, -0.5):
-                pull, way = self._stretch(q, F, self.f + sign * turned, self.tables)
-                right, c = right + 2.0 * sign * pull, c + 2.0 * sign * way
+            more, less = (self._stretch(q, F, self.f + half * turned, self.tables) for half in (0.5, -0.5))
+            right, c = more[0] - less[0], more[1] - less[1]
             s, dF = np.empty(self.g.size), np.empty(3)
             compiled.saddle_step(right, c, self.C, order, self.L, self.pivots, self.Y, self.S, s, dF)
             out[:, 3 + k] = -moments(right, s, dF, self.qe, self.elastic, self.geometric, self.C)
@@ -148,7 +200,17 @@ class StretchingRod(Rod):
         N, _, _, _, points, weights = tables
         acc, totals = np.zeros_like(self.acc), np.empty(4)
         stretch_gradient(
-            q, compiled.spread(F, self.h), f, self.compliance, self.h, self.s0, N, points, weights, acc, totals
+            q,
+            compiled.spread(F, self.h),
+            f,
+            self.compliance,
+            self.h,
+            self.s0,
+            N,
+            points,
+            weights,
+            acc,
+            totals,
         )
         w, x, y, z = q.T
         a, b, c, d = acc.T

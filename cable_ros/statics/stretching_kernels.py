@@ -1,0 +1,132 @@
+"""Compiled: the warm-started step of a rod that stretches and shears, and what it is made of.
+
+The arrays are those of `StretchingRod` (stretching.py).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from cable_ros.mechanics import quaternion
+from cable_ros.mechanics.effects.stretch_kernels import stretch_gradient, stretch_hessian
+from cable_ros.mechanics.kernels import gradient, hessian
+from cable_ros.statics.compiled import (
+    ADVANCED,
+    NOT_CONTRACTING,
+    NOT_CONVEX,
+    TOO_FAR,
+    close,
+    end_coupling,
+    end_rows,
+    largest,
+    saddle_step,
+    spread,
+)
+from cable_ros.statics.saddle import negative3, schur
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**OPTIONS)
+def stretch_linearize(
+    q, F, f, K, kappa0, compliance, h, s0, tables,
+    elastic, geometric, parts, C, reach, acc, g, radial, totals, stretch, full,
+):  # fmt: skip
+    """`kernels.gradient` and, where `full`, `kernels.hessian` with the stretch."""
+    N, dN, N3, dN3, points, weights = tables
+    Fe = spread(F, h)
+    acc[:] = 0.0
+    stretch_gradient(q, Fe, f, compliance, h, s0, N, points, weights, acc, stretch)
+    gradient(q, Fe, f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, totals)
+    for a in range(4):
+        totals[a] += stretch[a]
+    if full:
+        hessian(
+            q, Fe, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, elastic, geometric, parts, C
+        )
+        stretch_hessian(q, Fe, f, compliance, h, s0, N, points, weights, geometric, parts, C, reach)
+
+
+@njit(**OPTIONS)
+def stretch_factor(elastic, geometric, C, reach, mu, order, A, L, pivots, Y, S):
+    """`saddle.factor` with the reach in the Schur complement.
+
+    With the strains eliminated, the inertia that tells a strict minimum stays the same.
+    """
+    negative, worst = schur(elastic, geometric, C, mu, order, A, L, pivots, Y, S)
+    for a in range(3):
+        for b in range(3):
+            S[a, b] += reach[a, b]
+    return worst > 1e-11 and negative3(S) == negative
+
+
+@njit(**OPTIONS)
+def advance_stretching(
+    q, F, qe, re, f, K, kappa0, compliance, h, s0, tables,
+    elastic, geometric, parts, C, reach, A, L, pivots, Y, S, acc, g, radial, totals, stretch,
+    tolerance, limit, q_new, F_new,
+):  # fmt: skip
+    """As `compiled.advance`, with new factors at every correction. Returns (code, iterations)."""
+    order = tables[0].shape[1] - 1
+    n = 3 * q.shape[0]
+    gv = g.reshape(n)
+    s, dF, c = np.empty(n), np.empty(3), np.empty(3)
+    last = q.shape[0] - 1
+    theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
+    q_new[:] = q
+    F_new[:] = F
+    left = last_size = np.inf
+    for iteration in range(20):
+        stretch_linearize(
+            q_new, F_new, f, K, kappa0, compliance, h, s0, tables,
+            elastic, geometric, parts, C, reach, acc, g, radial, totals, stretch, iteration > 0,
+        )  # fmt: skip
+        if iteration > 0 and not stretch_factor(elastic, geometric, C, reach, 0.0, order, A, L, pivots, Y, S):
+            return NOT_CONVEX, iteration
+        if left <= tolerance:
+            return ADVANCED, iteration - 1
+        for a in range(3):
+            c[a] = totals[a] - re[a]
+        if iteration == 0:
+            end_coupling(elastic, geometric, C, 3, theta, gv, c)
+        saddle_step(gv, c, C, order, L, pivots, Y, S, s, dF)
+        if iteration == 0:
+            for k in range(3):
+                s[n - 3 + k] = theta[k]
+        moved = largest(s)
+        if not moved <= limit:
+            return TOO_FAR, iteration
+        quaternion.retract(q_new, s, q_new)
+        close(q_new, qe)
+        force, change = 1e-3, 0.0
+        for a in range(3):
+            F_new[a] += dF[a]
+            force = max(force, abs(F_new[a]))
+            change = max(change, abs(dF[a]))
+        new = max(change / force, moved)
+        if iteration > 2 and not new <= 0.5 * last_size:
+            return NOT_CONTRACTING, iteration
+        # Newton's method squares what is left; the predictor is no correction yet
+        left = new * new if iteration > 0 else np.inf
+        last_size = new
+    return NOT_CONTRACTING, iteration
+
+
+@njit(**OPTIONS)
+def moments(right, s, dF, qe, elastic, geometric, C):
+    """Both wrenches (12,) that a step (s, dF) makes; `right` (3n,): the gradient's own change."""
+    n, band = elastic.shape[0], elastic.shape[1] - 1
+    out = np.empty(12)
+    moment = end_rows(elastic, geometric, C, 3, s, dF)
+    dFb = quaternion.rotate(quaternion.conjugate(qe), dF)
+    for i in range(3):
+        out[i] = -dF[i]
+        out[3 + i] = right[i]
+        for j in range(3, min(band + 1 + i, n - 3)):
+            out[3 + i] += (elastic[j, band + i - j] + geometric[j, band + i - j]) * s[j]
+        for a in range(3):
+            out[3 + i] -= C[a, i] * dF[a]
+        out[6 + i] = dFb[i]
+        out[9 + i] = moment[i] + right[n - 3 + i]
+    return out
