@@ -32,17 +32,18 @@ def solve(
     numerically.
     """
     problem = _Problem(cable, guess)
-    solution = solve_bvp(
-        problem.rates,
-        problem.boundary,
-        problem.mesh,
-        problem.states,
-        p=problem.end_force,
-        fun_jac=problem.rates_jacobian if jacobians else None,
-        bc_jac=problem.boundary_jacobian if jacobians else None,
-        tol=tolerance,
-        max_nodes=max_nodes,
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # an iteration that runs away is reported as failed
+        solution = solve_bvp(
+            problem.rates,
+            problem.boundary,
+            problem.mesh,
+            problem.states,
+            p=problem.end_force,
+            fun_jac=problem.rates_jacobian if jacobians else None,
+            bc_jac=problem.boundary_jacobian if jacobians else None,
+            tol=tolerance,
+            max_nodes=max_nodes,
+        )
     return problem.result(solution)
 
 

@@ -19,6 +19,10 @@ from cable_ros.scene import Scene
 from cable_ros.tracker import Tracker
 
 
+MESHES = (26, 101, 401, 1601)
+"""Nodes that solve_bvp starts from, the fewest with which it succeeds: it refines a mesh, but never coarsens it."""
+
+
 @dataclass(frozen=True)
 class Pose:
     """One pose of the robot."""
@@ -93,8 +97,10 @@ class SolveBvp:
 
     def settle(self, pose: Pose) -> None:
         assert pose.reference is not None
-        self._last = [one.at(np.linspace(0.0, one.arc_length[-1], 26)) for one in pose.reference]
-        self.warm(pose)
+        for nodes in MESHES:
+            self._last = [one.at(np.linspace(0.0, one.arc_length[-1], nodes)) for one in pose.reference]
+            if np.all(np.isfinite(self.warm(pose).wrenches)):
+                return
 
     def warm(self, pose: Pose) -> Outcome:
         begin = time.perf_counter()
