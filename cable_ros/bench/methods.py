@@ -18,9 +18,8 @@ from cable_ros.baselines.result import BaselineResult, ClampedCable
 from cable_ros.scene import Scene
 from cable_ros.tracker import Tracker
 
-
 MESHES = (26, 101, 401, 1601)
-"""Nodes that solve_bvp starts from, the fewest with which it succeeds: it refines a mesh, but never coarsens it."""
+"""Nodes that solve_bvp may start from: the fewest that do, for it never coarsens a mesh."""
 
 
 @dataclass(frozen=True)
