@@ -12,6 +12,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
+_SETTLE = 0.5  # s
 _FIRST_ANSWER = 2.0  # s; a first equilibrium takes some ms
 
 
@@ -69,6 +70,8 @@ class JointDriver:
 
         if not self._spin_until(ready, timeout):
             raise NoAnswerError(f"the node {self._node_name} did not come up within {timeout:.0f} s")
+        # We see the node's subscription before it sees our publisher, and it is best effort.
+        self._spin_until(lambda: False, _SETTLE)
 
     def send(self, joints: Mapping[str, float], timeout: float) -> dict[str, np.ndarray]:
         """Publish one joint state and return the wrenches (6,) that answer it, by cable.
@@ -85,8 +88,7 @@ class JointDriver:
                 for cable in self._topics
             )
 
-        # We see the node's subscription a moment before it sees our publisher, and it is best effort: the
-        # very first joint state may be lost.
+        # On a busy machine the very first joint state may still be lost.
         tries = 1 if self._answers else max(1, int(timeout / _FIRST_ANSWER))
         for _ in range(tries):
             self._publisher.publish(message)

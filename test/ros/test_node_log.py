@@ -2,130 +2,40 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-import signal
 import subprocess
-import sys
 import time
-from collections import Counter
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from log_readers import READERS
 
-rclpy = pytest.importorskip("rclpy", reason="rclpy is not on this machine")
+pytest.importorskip("rclpy", reason="rclpy is not on this machine")
 pytest.importorskip("pinocchio", reason="the arm's kinematics need Pinocchio")
 
-from rcl_interfaces.srv import SetParameters  # noqa: E402
-from rclpy.context import Context  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.qos import QoSProfile  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
+from robot import CABLE, NODE, PUBLISHED, Robot
 
-from cable_ros.cli.main import main  # noqa: E402
-from cable_ros.log.reader import LogReader  # noqa: E402
-from cable_ros.ros.replay_node import message_class  # noqa: E402
-from cable_ros.share import share_file  # noqa: E402
-
-TIMEOUT = 90.0  # s; a first start compiles
-NODE = "/cable_node"
-CABLE = f"{NODE}/camera_cable"
-PUBLISHED = {
-    f"{CABLE}/end_wrench": "geometry_msgs/msg/WrenchStamped",
-    f"{CABLE}/start_wrench": "geometry_msgs/msg/WrenchStamped",
-    f"{CABLE}/polyline": "nav_msgs/msg/Path",
-    f"{NODE}/joint_load": "sensor_msgs/msg/JointState",
-}
-
-
-class Robot:
-    """The other side of the node."""
-
-    def __init__(self, log: str) -> None:
-        command = [sys.executable, "-m", "cable_ros.ros.cable_node", "--ros-args"]
-        scene = share_file("config", "space_arm.yaml")
-        for parameter in (f"scene:={scene}", "log.enabled:=true", f"log.path:={log}"):
-            command += ["-p", parameter]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.context = Context()
-        rclpy.init(context=self.context)
-        self.node = Node("robot", context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        self.publisher = self.node.create_publisher(JointState, "/joint_states", QoSProfile(depth=100))
-        self.heard: Counter[str] = Counter()
-        for topic, kind in PUBLISHED.items():
-            self.node.create_subscription(
-                message_class(kind), topic, self._counter(topic), QoSProfile(depth=1000), raw=True
-            )
-        self.wait(lambda: all(map(self.node.count_publishers, PUBLISHED)))
-        self.wait(lambda: self.publisher.get_subscription_count() > 0)
-
-    def _counter(self, topic):
-        def count(_: bytes) -> None:
-            self.heard[topic] += 1
-
-        return count
-
-    def wait(self, done) -> None:
-        deadline = time.monotonic() + TIMEOUT
-        while not done():
-            assert time.monotonic() < deadline, self.heard
-            assert self.process.poll() is None, self.process.communicate()
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def move(self, angle: float, wait: bool = True) -> None:
-        before = self.heard[f"{NODE}/joint_load"]
-        message = JointState(name=["pitch", "orientation"], position=[0.0, angle])
-        message.header.stamp = self.node.get_clock().now().to_msg()
-        self.publisher.publish(message)
-        if wait:
-            self.wait(lambda: self.heard[f"{NODE}/joint_load"] > before)
-
-    def call(self, kind, name: str, request) -> object:
-        client = self.node.create_client(kind, name)
-        self.wait(client.service_is_ready)
-        future = client.call_async(request)
-        self.wait(future.done)
-        return future.result()
-
-    def stop(self) -> None:
-        for _ in range(20):  # what is still on its way
-            self.executor.spin_once(timeout_sec=0.02)
-        self.process.send_signal(signal.SIGINT)
-        output, _ = self.process.communicate(timeout=TIMEOUT)
-        assert self.process.returncode == 0, output
-
-    def close(self) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.communicate()
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.context.try_shutdown()
+from cable_ros.cli.main import main
+from cable_ros.log.reader import LogReader
+from cable_ros.log.recover import recover
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A run with a cold start on the way, another tolerance, and joint states in a burst."""
     path = tmp_path_factory.mktemp("node") / "run.mcap"
-    robot = Robot(str(path))
-    try:
+    with Robot(log__enabled="true", log__path=path) as robot:
         for i in range(60):
             robot.move(1.2 * math.sin(0.1 * i))
-        assert robot.call(Trigger, f"{NODE}/reset", Trigger.Request()).success
+        assert robot.trigger("reset").success
         for i in range(20):
             robot.move(0.7 + 0.01 * i)
-        request = SetParameters.Request(parameters=[Parameter("tolerance", value=1e-7).to_parameter_msg()])
-        assert robot.call(SetParameters, f"{NODE}/set_parameters", request).results[0].successful
+        robot.set_parameter("tolerance", 1e-7)
         for i in range(300):
             robot.move(0.9 - 0.004 * i, wait=False)
         robot.move(-0.4)
         robot.stop()
-    finally:
-        robot.close()
     return path, robot.heard
 
 
@@ -151,3 +61,76 @@ def test_the_run_is_solved_again_bit_for_bit(run, capsys):
     count = heard[f"{CABLE}/end_wrench"]
     assert f"camera_cable end: {count} of {count} wrenches bit for bit" in printed
     assert f"camera_cable start: {count} of {count} wrenches bit for bit" in printed
+
+
+def test_a_killed_node_loses_at_most_a_second(tmp_path):
+    path = tmp_path / "run.mcap"
+    with Robot(log__enabled="true", log__path=path) as robot:
+        robot.move(0.0)
+        begin = time.monotonic()
+        while time.monotonic() < begin + 2.0:
+            robot.move(math.sin(time.monotonic()))
+        killed = time.time_ns()
+        robot.process.kill()
+    saved = recover(path.with_name("run.mcap.part"))
+    assert killed - saved.end <= 1_000_000_000
+    assert main(["replay", str(path), "--resolve"]) == 0
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 256 kB, which starting and moving the node for a second or two fills."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(disk)]
+    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+        pytest.skip("mounting a small tmpfs needs root")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_a_full_disk_ends_the_log_and_not_the_node(small_disk, tmp_path):
+    path = small_disk / "run.mcap"
+    angles = (math.sin(0.01 * i) for i in itertools.count())
+    with Robot(log__enabled="true", log__path=path) as robot:
+        while log_level(robot) != DiagnosticStatus.ERROR:
+            robot.move(next(angles))
+        assert "the disk is full; free some space" in robot.diagnostics["cable_node: log"].message
+        for _ in range(10):  # each is answered
+            robot.move(next(angles))
+        solved = robot.heard[f"{CABLE}/end_wrench"]
+        recover(path.with_name("run.mcap.part"), tmp_path / "saved.mcap")
+        robot.set_parameter("log.path", str(tmp_path / "other.mcap"))
+        assert robot.trigger("start_log").success
+        robot.move(0.0)
+        robot.stop()
+    with LogReader(tmp_path / "saved.mcap") as log:
+        sequences = [message.sequence for message in log.messages([f"{CABLE}/end_wrench"])]
+        assert sequences == list(range(len(sequences)))
+        assert 0 < len(sequences) < solved
+    with LogReader(tmp_path / "other.mcap") as log:
+        assert log.topics[f"{CABLE}/end_wrench"].count == 1
+
+
+def test_a_folder_that_cannot_be_written_leaves_the_node_publishing(tmp_path):
+    (tmp_path / "file").write_text("not a folder")
+    with Robot(log__enabled="true", log__path=tmp_path / "file" / "run.mcap") as robot:
+        robot.move(0.3)
+        robot.wait(lambda: log_level(robot) == DiagnosticStatus.ERROR)
+        sentence = robot.diagnostics["cable_node: log"].message
+        assert "a part of its path is a file, not a folder; write the log to another folder" in sentence
+        again = robot.trigger("start_log")
+        assert (again.success, again.message) == (False, sentence)
+        robot.set_parameter("log.path", str(tmp_path / "run.mcap"))
+        assert robot.trigger("start_log").success
+        robot.move(0.4)
+        stopped = robot.trigger("stop_log")
+        assert (stopped.success, stopped.message) == (True, f"{tmp_path / 'run.mcap'} is complete.")
+        robot.stop()
+    with LogReader(tmp_path / "run.mcap") as log:
+        assert log.topics[f"{CABLE}/end_wrench"].count == 1
+
+
+def log_level(robot):
+    status = robot.diagnostics.get("cable_node: log")
+    return None if status is None else status.level

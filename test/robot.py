@@ -1,0 +1,132 @@
+"""The other side of the node in tests: starts it in a process of its own, moves joints, hears the answers."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from cable_ros.ros.replay_node import message_class
+from cable_ros.share import share_file
+
+TIMEOUT = 90.0  # s; a first start compiles
+NODE = "/cable_node"
+CABLE = f"{NODE}/camera_cable"
+PUBLISHED = {
+    f"{CABLE}/end_wrench": "geometry_msgs/msg/WrenchStamped",
+    f"{CABLE}/start_wrench": "geometry_msgs/msg/WrenchStamped",
+    f"{CABLE}/polyline": "nav_msgs/msg/Path",
+    f"{NODE}/joint_load": "sensor_msgs/msg/JointState",
+}
+
+
+class Robot:
+    """The space arm with a cable_node that has these parameters. Use as a context manager."""
+
+    def __init__(self, **parameters: object) -> None:
+        command = [sys.executable, "-m", "cable_ros.ros.cable_node", "--ros-args"]
+        values = {"scene": share_file("config", "space_arm.yaml"), **parameters}
+        for name, value in values.items():
+            command += ["-p", f"{name.replace('__', '.')}:={value}"]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.node = Node("robot", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.publisher = self.node.create_publisher(JointState, "/joint_states", QoSProfile(depth=100))
+        self.heard: Counter[str] = Counter()
+        self.diagnostics: dict[str, DiagnosticStatus] = {}
+        """The latest entry of each name, such as 'cable_node: log'."""
+        for topic, kind in PUBLISHED.items():
+            self.node.create_subscription(
+                message_class(kind), topic, self._counter(topic), QoSProfile(depth=1000), raw=True
+            )
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
+        self.wait(lambda: all(map(self.node.count_publishers, PUBLISHED)))
+        self.wait(lambda: self.publisher.get_subscription_count() > 0)
+        # We see the node's subscription before it sees our publisher, and it is best effort.
+        for _ in range(25):
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def __enter__(self) -> Robot:
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.communicate()
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+    def _counter(self, topic: str) -> Callable[[bytes], None]:
+        def count(_: bytes) -> None:
+            self.heard[topic] += 1
+
+        return count
+
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
+        self.diagnostics |= {status.name: status for status in message.status}
+
+    def wait(self, done: Callable[[], bool], meanwhile: Callable[[], None] = lambda: None) -> None:
+        """Spin until `done()`, with `meanwhile()` every 2 s; fails where it takes long or the node dies."""
+        deadline = time.monotonic() + TIMEOUT
+        due = time.monotonic() + 2.0
+        while not done():
+            assert time.monotonic() < deadline, (self.heard, self.diagnostics)
+            assert self.process.poll() is None, self.process.communicate()
+            self.executor.spin_once(timeout_sec=0.02)
+            if time.monotonic() > due:
+                due += 2.0
+                meanwhile()
+
+    def move(self, angle: float, wait: bool = True) -> None:
+        """Publish one joint state; and wait for the last of what answers it."""
+        before = self.heard[f"{NODE}/joint_load"]
+        message = JointState(name=["pitch", "orientation"], position=[0.0, angle])
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        self.publisher.publish(message)
+        if wait:  # on a busy machine the very first may still be lost
+            again = self.publisher.publish if not before else lambda _: None
+            self.wait(lambda: self.heard[f"{NODE}/joint_load"] > before, lambda: again(message))
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        """The answer of a service."""
+        client = self.node.create_client(kind, name)
+        self.wait(client.service_is_ready)
+        future = client.call_async(request)
+        self.wait(future.done)
+        return future.result()
+
+    def trigger(self, name: str) -> Trigger.Response:
+        """The answer of one of the node's own services."""
+        return self.call(Trigger, f"{NODE}/{name}", Trigger.Request())
+
+    def set_parameter(self, name: str, value: object) -> None:
+        """Set a parameter of the node, which must take it."""
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        assert self.call(SetParameters, f"{NODE}/set_parameters", request).results[0].successful
+
+    def stop(self) -> None:
+        """Interrupt the node, which must end cleanly."""
+        for _ in range(20):  # what is still on its way
+            self.executor.spin_once(timeout_sec=0.02)
+        self.process.send_signal(signal.SIGINT)
+        output, _ = self.process.communicate(timeout=TIMEOUT)
+        assert self.process.returncode == 0, output
