@@ -51,6 +51,9 @@ class Robot:
         self.executor.add_node(self.node)
         self.publisher = self.node.create_publisher(JointState, "/joint_states", QoSProfile(depth=100))
         self.heard: Counter[str] = Counter()
+        """By topic of PUBLISHED, the messages that arrived; being best effort, some may be lost."""
+        self.published: dict[str, int] = {}
+        """How many the node had published, by the number that came with the last one."""
         self.diagnostics: dict[str, DiagnosticStatus] = {}
         """The latest entry of each name, such as 'cable_node: log'."""
         for topic, kind in PUBLISHED.items():
@@ -58,14 +61,18 @@ class Robot:
                 message_class(kind), topic, self._counter(topic), QoSProfile(depth=1000), raw=True
             )
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
+        self.wait_for_node()
+
+    def __enter__(self) -> Robot:
+        return self
+
+    def wait_for_node(self) -> None:
+        """Until the node hears us, and we hear it."""
         self.wait(lambda: all(map(self.node.count_publishers, PUBLISHED)))
         self.wait(lambda: self.publisher.get_subscription_count() > 0)
         # We see the node's subscription before it sees our publisher, and it is best effort.
         for _ in range(25):
             self.executor.spin_once(timeout_sec=0.02)
-
-    def __enter__(self) -> Robot:
-        return self
 
     def __exit__(self, *exc_info: object) -> None:
         if self.process.poll() is None:
@@ -75,9 +82,10 @@ class Robot:
         self.node.destroy_node()
         self.context.try_shutdown()
 
-    def _counter(self, topic: str) -> Callable[[bytes], None]:
-        def count(_: bytes) -> None:
+    def _counter(self, topic: str) -> Callable[[bytes, dict[str, Any]], None]:
+        def count(_: bytes, info: dict[str, Any]) -> None:
             self.heard[topic] += 1
+            self.published[topic] = info["publication_sequence_number"]
 
         return count
 

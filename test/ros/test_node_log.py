@@ -36,29 +36,29 @@ def run(tmp_path_factory):
             robot.move(0.9 - 0.004 * i, wait=False)
         robot.move(-0.4)
         robot.stop()
-    return path, robot.heard
+    return path, robot.published
 
 
 @pytest.mark.parametrize("count", READERS)
 def test_every_reader_counts_what_was_published(run, count):
-    path, heard = run
+    path, published = run
     read = count(path)
-    assert {topic: read[topic] for topic in PUBLISHED} == dict(heard)
+    assert {topic: read[topic] for topic in PUBLISHED} == published
 
 
 def test_what_belongs_to_the_run_is_in_the_log(run):
-    path, heard = run
+    path, published = run
     with LogReader(path) as log:
-        assert log.topics[f"{NODE}/solved_joints"].count == heard[f"{CABLE}/end_wrench"] >= 81
+        assert log.topics[f"{NODE}/solved_joints"].count == published[f"{CABLE}/end_wrench"] >= 81
         assert {"scene.yaml", "robot.urdf", "parameters.yaml"} <= set(log.attachments)
         assert log.metadata["cable_ros_log_end"] == {"dropped": "0"}
 
 
 def test_the_run_is_solved_again_bit_for_bit(run, capsys):
-    path, heard = run
+    path, published = run
     assert main(["replay", str(path), "--resolve"]) == 0
     printed = capsys.readouterr().out
-    count = heard[f"{CABLE}/end_wrench"]
+    count = published[f"{CABLE}/end_wrench"]
     assert f"camera_cable end: {count} of {count} wrenches bit for bit" in printed
     assert f"camera_cable start: {count} of {count} wrenches bit for bit" in printed
 
