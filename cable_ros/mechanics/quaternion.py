@@ -86,3 +86,20 @@ def from_ros(q: np.ndarray) -> np.ndarray:
 def to_ros(q: np.ndarray) -> np.ndarray:
     """w x y z to x y z w."""
     return np.roll(q, -1, axis=-1)
+
+
+def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The shortest rotation (4,) that takes the unit vector a to the unit vector b."""
+    out = np.concatenate(([1.0 + a @ b], np.cross(a, b)))
+    size = float(np.linalg.norm(out))
+    if size < 1e-6:  # straight back: any axis across
+        out = np.concatenate(([0.0], np.cross(a, np.eye(3)[np.argmin(np.abs(a))])))
+        size = float(np.linalg.norm(out))
+    return out / size
+
+
+def part(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
+    """Part t of the shortest way from the unit quaternion a to the unit quaternion b."""
+    out = np.empty((1, 4))
+    retract(a[None, :], t * rotation_vector(multiply(conjugate(a), b)), out)
+    return out[0]

@@ -91,7 +91,25 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
         top.choice("cable_radius", ("count", "ignore"), "count") == "count",
     )
     friction_model = top.choice("friction_model", ("coulomb", "sliding"), "coulomb")
-    return Scene(tuple(cables), gravity, robot, text, path, source, obstacles, friction_model, _effects(top))
+    effects = _effects(top)
+    if obstacles:
+        _check_stretch_without_contact(top, cables, effects)
+    return Scene(tuple(cables), gravity, robot, text, path, source, obstacles, friction_model, effects)
+
+
+def _check_stretch_without_contact(top: Section, cables: list[Cable], effects: str | tuple[str, ...]) -> None:
+    """The equations of contact are those of a cable that neither stretches nor shears."""
+    for i, cable in enumerate(cables):
+        for effect, field, value in (
+            ("stretch", "axial_stiffness", cable.axial_stiffness),
+            ("shear", "shear_stiffness", cable.shear_stiffness),
+        ):
+            if value is not None and (isinstance(effects, str) or {effect, "contact"} <= set(effects)):
+                top.fail(
+                    f"{effect} and contact cannot be combined yet; leave {field} or the obstacles out, "
+                    "or let 'effects' list one of the two",
+                    f"cables[{i}].{field}",
+                )
 
 
 def _effects(top: Section) -> str | tuple[str, ...]:

@@ -103,15 +103,18 @@ def bulges(qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> list[np.ndarray | N
     return out + [across, -across, other, -other]
 
 
-def unloaded(nodes: np.ndarray, qe: np.ndarray, natural: np.ndarray) -> Iterator[np.ndarray]:
+def unloaded(
+    nodes: np.ndarray, qe: np.ndarray, natural: np.ndarray, hint: float | None
+) -> Iterator[np.ndarray]:
     """Frames (n, 4) of the unloaded helix, turned evenly along it so that its end meets the end clamp.
 
-    The same with a turn of twist more and less.
+    First the one whose twist is nearest to the hint, then those with a turn more and less.
     """
     helix = np.array([_turn(s * natural) for s in nodes])
     rest = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(helix[-1]), qe))
     closed = np.array([quaternion.multiply(q, _turn(s * rest)) for q, s in zip(helix, nodes, strict=True)])
-    for turns in (0, 1, -1):
+    nearest = 0.0 if hint is None else np.round((hint - natural[2] - rest[2]) / (2.0 * np.pi))
+    for turns in (nearest, nearest + 1, nearest - 1):
         yield spin(closed, nodes, 2.0 * np.pi * turns)
 
 
@@ -128,14 +131,16 @@ def starts(
     f: np.ndarray,
     hint: float | None,
     natural: np.ndarray | None = None,
+    taut: bool = False,
 ) -> Iterator[np.ndarray]:
     """Frames (n, 4) to start a search from: every curve with its likely twists, those near the hint first.
 
-    A cable that is not straight without load, `natural` (3,), also starts from its own shape.
+    A cable that is not straight without load, `natural` (3,), or is pulled `taut` first starts from its own
+    shape.
     """
     natural = np.zeros(3) if natural is None else natural
-    if natural.any():
-        yield from unloaded(nodes, qe, natural)
+    if taut or natural.any():
+        yield from unloaded(nodes, qe, natural, hint)
     frames = [transport(tangents(nodes, qe, re, bulge)) for bulge in bulges(qe, re, f)]
     turns = []
     for rank, q in enumerate(frames):

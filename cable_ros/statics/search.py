@@ -16,6 +16,8 @@ from cable_ros.statics.touching import TouchingRod
 
 AIM, ACCEPT = 0.1, 0.7
 """A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
+TAUT = 0.999
+"""A cable that stretches is looked for straight first where its chord is longer than this part of its length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +144,8 @@ def equilibria(
     found: list[Found] = []
     within = conditions.re * min(1.0, SLACK / max(float(np.linalg.norm(conditions.re)), SLACK))
     re = conditions.re if compliance is None else within
-    taut = re is within and not np.array_equal(re, conditions.re)
-    for q in starts(mesh.nodes, conditions.qe, re, conditions.f, hint, natural):
+    taut = compliance is not None and float(np.linalg.norm(conditions.re)) > TAUT
+    for q in starts(mesh.nodes, conditions.qe, re, conditions.f, hint, natural, taut):
         rod: Rod
         if compliance is not None:
             rod = StretchingRod(mesh, stiffness, natural, compliance)
@@ -156,7 +158,7 @@ def equilibria(
         if one is None:
             continue
         if any(same(one, other) for other in found):
-            if taut and not thorough:
+            if taut and not thorough and same(one, min(found, key=lambda other: other.energy)):
                 break  # pulled straight, all starts of one twist are one
             continue
         found.append(one)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 from numpy.polynomial import legendre
 
+from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.stretch_kernels import stretch_gradient, stretch_polyline
 from cable_ros.mechanics.elements import Mesh, Sampling
 from cable_ros.solve.trust_region import Options
@@ -20,11 +22,14 @@ from cable_ros.statics.stretching_kernels import (
     stretch_linearize,
 )
 
+Conditions = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""End frame, end position and load, as `Rod.set_conditions` takes them."""
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 SLACK = 0.95
 """A cold start begins with the clamps no farther apart than this, parts of the length, and inextensible."""
 PUSH = 10.0
 """EI / L^3; a load per length that bends the cable as far as it can."""
-SHORTEST = 1e-4
+SHORTEST = 1e-3
 """Smallest part of the way from there before it counts as barred."""
 
 
@@ -42,7 +47,7 @@ class StretchingRod(Rod):
         self.compliance = np.ascontiguousarray(compliance, float)
         self.stretch, self.reach = np.zeros(4), np.zeros((3, 3))
         # rounding of the end position, as force
-        self.least = max(1e-6, 1e-10 / float(np.max(self.compliance)))
+        self.least = max(1e-3, 1e-10 / float(np.max(self.compliance)))
         super().__init__(mesh, stiffness, natural)
 
     def variant(
@@ -84,8 +89,8 @@ class StretchingRod(Rod):
         code, iterations = advance_stretching(
             q, F, qe, re, f, self.K, self.natural, self.compliance, self.h, self.s0, self.tables,
             self.elastic, self.geometric, self.parts, self.C, self.reach,
-            self.A, self.L, self.pivots, self.Y, self.S, self.acc, self.g, self.radial, self.totals, self.stretch,
-            tolerance, limit, q_new, F_new,
+            self.A, self.L, self.pivots, self.Y, self.S,
+            self.acc, self.g, self.radial, self.totals, self.stretch, tolerance, limit, q_new, F_new,
         )  # fmt: skip
         self.drift = 0.0
         if code == compiled.ADVANCED:
@@ -100,6 +105,10 @@ class StretchingRod(Rod):
             code, count, q_new, F_new = self.advance(q, F, self.qe, self.re, self.f, options.step_tolerance)
             if code == compiled.ADVANCED and self.refactor(q_new, F_new):
                 return q_new, F_new, count
+        if float(np.linalg.norm(self.re)) > SLACK and (
+            found := self._from_straight(q, options.step_tolerance)
+        ):
+            return found
         start = self.re * min(1.0, SLACK / max(float(np.linalg.norm(self.re)), 1e-12))
         across = np.cross(start, np.eye(3)[np.argmin(np.abs(start))])
         # a straight cable that is pulled taut passes its buckling load; a push from the side takes it round
@@ -110,6 +119,32 @@ class StretchingRod(Rod):
             if found is not None and (reached := self._soften(*found, start, push, options.step_tolerance)):
                 return reached
         return None
+
+    def _from_straight(self, q: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """From the straight rod between clamps along the chord, with about the twist of q, to our own clamps.
+
+        The clamps turn to where they are while the load grows.
+        """
+        self.linearize(q, np.zeros(3))
+        chord = float(np.linalg.norm(self.re))
+        start = quaternion.between(np.array([0.0, 0.0, 1.0]), self.re / chord)
+        tangent = quaternion.rotate(self.qe, np.array([0.0, 0.0, 1.0]))
+        end = quaternion.multiply(quaternion.between(tangent, self.re / chord), self.qe)
+        apart = quaternion.multiply(quaternion.conjugate(start), end)
+        twist = 2.0 * np.arctan2(apart[3], apart[0])
+        twist += 2.0 * np.pi * np.round((self.totals[4] - twist) / (2.0 * np.pi))
+        half = 0.5 * twist * self.mesh.nodes
+        q = np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=1)
+        F = np.array([0.0, 0.0, (chord - 1.0) / max(self.compliance[2], 1e-12)])
+        rod = self.variant()
+
+        def conditions(t: float) -> Conditions:
+            back = quaternion.conjugate(quaternion.part(start, IDENTITY, t))
+            there = quaternion.multiply(back, quaternion.part(end, self.qe, t))
+            return there, quaternion.rotate(back, self.re), t * quaternion.rotate(back, self.f)
+
+        found = _walk(rod, q, F, conditions, tolerance)
+        return found if found is not None and self.refactor(*found[:2]) else None
 
     def _soften(
         self,
@@ -136,24 +171,19 @@ class StretchingRod(Rod):
             )
         ]
         for begin, finish in itertools.pairwise(corners):
-            at, step = 0.0, 1.0
             if np.array_equal(begin, finish):
                 continue
-            while at < 1.0:
-                to = min(1.0, at + step)
-                target = (1.0 - to) * begin + to * finish
+
+            def conditions(t: float, begin: np.ndarray = begin, finish: np.ndarray = finish) -> Conditions:
+                target = (1.0 - t) * begin + t * finish
                 rod.compliance = target[:3].copy()
-                code = -1
-                if rod.refactor(q, F):
-                    code, count, q_new, F_new = rod.advance(q, F, self.qe, target[3:6], target[6:], tolerance)
-                    iterations += count
-                if code == compiled.ADVANCED:
-                    at, q, F = to, q_new, F_new
-                    step *= 2.0
-                elif step < SHORTEST:
-                    return None
-                else:
-                    step *= 0.5
+                return self.qe, target[3:6], target[6:]
+
+            found = _walk(rod, q, F, conditions, tolerance)
+            if found is None:
+                return None
+            q, F, count = found
+            iterations += count
         return (q, F, iterations) if self.refactor(q, F) else None
 
     def stretch_points(
@@ -174,7 +204,8 @@ class StretchingRod(Rod):
         self.refactor(q, F)
         plain = clamp_response(
             q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables,
-            self.elastic, self.geometric, self.C, self.mesh.element.order, self.L, self.pivots, self.Y, self.S, self.g,
+            self.elastic, self.geometric, self.C, self.mesh.element.order, self.L, self.pivots, self.Y,
+            self.S, self.g,
         )  # fmt: skip
         # what the load adds by the stretch, when it turns against a start clamp that turns
         return plain + self._turning_load(q, F)
@@ -222,3 +253,28 @@ class StretchingRod(Rod):
         """As `Rod.wrench_error`; the added polynomials see the stretch at the solution only."""
         pull, way = self._stretch(q, F, self.f, self.fine)
         return self._wrench_error(q, F, self.re - way, pull)
+
+
+def _walk(
+    rod: StretchingRod,
+    q: np.ndarray,
+    F: np.ndarray,
+    conditions: Callable[[float], Conditions],
+    tolerance: float,
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """Follow the equilibrium (q, F) under conditions(0) to conditions(1); None where the way is barred."""
+    at, step, iterations = 0.0, 1.0, 0
+    rod.set_conditions(*conditions(0.0))
+    while at < 1.0:
+        to = min(1.0, at + step)
+        target = conditions(to)
+        if rod.refactor(q, F):
+            code, count, q_new, F_new = rod.advance(q, F, *target, tolerance)
+            iterations += count
+            if code == compiled.ADVANCED:
+                at, q, F, step = to, q_new, F_new, 2.0 * step
+                continue
+        if step < SHORTEST:
+            return None
+        step *= 0.5
+    return q, F, iterations
