@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cable_ros.bench.touching import Surface, contact_fault, pull_fault, surfaces, touches
 from cable_ros.bench.verification import Rod, Verification, verify
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.scene import Scene, load_scene
@@ -96,10 +97,13 @@ def case_scene(case: Case) -> Scene:
     return load_scene(case.scene, urdf=case.urdf)
 
 
+def joint_values(kinematics: Kinematics, joints: Pose) -> np.ndarray:
+    return np.array([joints[name] for name in kinematics.joint_names], dtype=float)
+
+
 def rods(scene: Scene, kinematics: Kinematics, joints: Pose) -> dict[str, Rod]:
     """The cables as verification takes them, at a pose with all needed joints finite."""
-    q = np.array([joints[name] for name in kinematics.joint_names], dtype=float)
-    poses = kinematics.poses(q)
+    poses = kinematics.poses(joint_values(kinematics, joints))
     return {
         cable.name: Rod(
             cable.length, cable.stiffness, scene.gravity * cable.linear_density, poses[i, 0], poses[i, 1]
@@ -108,8 +112,10 @@ def rods(scene: Scene, kinematics: Kinematics, joints: Pose) -> dict[str, Rod]:
     }
 
 
-def judge(rod: Rod, equilibrium: Equilibrium, tolerance: float) -> tuple[Verification | None, str | None]:
-    """Verification of an answer, and what is wrong with it, if anything.
+def judge(
+    rod: Rod, equilibrium: Equilibrium, tolerance: float, met: Mapping[str, Surface] | None = None
+) -> tuple[Verification | None, str | None]:
+    """Verification of an answer among the obstacles `met`, and what is wrong with it, if anything.
 
     Trusted answers must be finite, sit on their clamps (to a tenth of `tolerance`), and be within
     `tolerance` of a true and stable equilibrium.
@@ -125,7 +131,14 @@ def judge(rod: Rod, equilibrium: Equilibrium, tolerance: float) -> tuple[Verific
     miss = _clamp_miss(rod, equilibrium)
     if miss > 0.1 * tolerance:
         return None, f"the polyline misses a clamp by {miss:.1e} of the length or rad"
-    found = verify(rod, equilibrium)
+    met = met or {}
+    fault = contact_fault(rod, met, equilibrium)
+    if fault is not None:
+        return None, fault
+    found = verify(rod, equilibrium, touches(rod, met, equilibrium))
+    fault = pull_fault(found)
+    if fault is not None:
+        return found, fault
     if not found.converged:
         return found, "no equilibrium found beside the answer"
     if found.wrench_error > tolerance:
@@ -153,11 +166,13 @@ def solve_step(tracker: Tracker, scene: Scene, kinematics: Kinematics, joints: P
     seconds = time.perf_counter() - began
     usable = all(math.isfinite(joints.get(name, math.nan)) for name in kinematics.joint_names)
     at = dict(joints) if usable else dict.fromkeys(kinematics.joint_names, 0.0)
+    radii = {cable.name: cable.radius for cable in scene.cables}
     steps = []
     for name, rod in rods(scene, kinematics, at).items():
         if usable:
             resolved = _resolved(name, rod, answers[name], tracker, joints)
-            verification, fault = judge(rod, resolved, tracker.tolerance)
+            met = surfaces(scene, kinematics, joint_values(kinematics, joints), radii[name])
+            verification, fault = judge(rod, resolved, tracker.tolerance, met)
         else:
             trusted = answers[name].status.trusted
             verification, fault = None, "trusted without usable joints" if trusted else None

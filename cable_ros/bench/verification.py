@@ -14,13 +14,14 @@ their pose part is regular at every arc length beyond 0 (no conjugate point).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-import scipy.linalg
-from scipy.integrate import DOP853
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
+from cable_ros.bench import shooting
+from cable_ros.bench.shooting import Touch
 from cable_ros.equilibrium import Equilibrium
 
 
@@ -66,7 +67,7 @@ class Verification:
     converged: bool
     """Whether an equilibrium was found; the other numbers mean nothing otherwise."""
     stable: bool
-    """Whether it is a strict minimum (no conjugate point)."""
+    """Whether it is a strict minimum (no conjugate point); where it touches something, not looked into."""
     wrench_error: float
     """Difference of the claimed end wrench from the true one, relative; moments are divided by the
     length so that forces and moments count in the same unit."""
@@ -80,13 +81,17 @@ class Verification:
     """(6,) the same at the start clamp."""
     iterations: int
     shape: Shape | None
+    normal_forces: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """(m,) what keeps the rod on each of the surfaces that it is said to touch, N; negative: a pull."""
 
 
 NEUTRAL_MARGIN = 1e-2
 """A claim with a smaller stability margin may be one of a family of equilibria, each beside the next."""
 
 
-def verify(rod: Rod, claim: Equilibrium, *, iterations: int = 25) -> Verification:
+def verify(
+    rod: Rod, claim: Equilibrium, touches: Sequence[Touch] = (), *, iterations: int = 25
+) -> Verification:
     """Refine `claim` to the true equilibrium beside it and compare.
 
     Uses only `points`, `orientations` and `start_wrench` of the claim as the start of Newton's
@@ -95,8 +100,8 @@ def verify(rod: Rod, claim: Equilibrium, *, iterations: int = 25) -> Verificatio
     claimed = (claim.points, claim.orientations, claim.start_wrench, claim.end_wrench)
     if not all(np.all(np.isfinite(a)) for a in claimed):
         return _failed(0)
-    tries = [refine(rod, *claimed, iterations=iterations)]
-    if claim.stability_margin < NEUTRAL_MARGIN:
+    tries = [refine(rod, *claimed, touches, iterations=iterations)]
+    if not touches and claim.stability_margin < NEUTRAL_MARGIN:
         tries.append(refine(rod, *claimed, iterations=iterations, neutral=True))
     return min(tries, key=lambda one: one.wrench_error)
 
@@ -108,13 +113,16 @@ def refine(
     orientations: np.ndarray,
     start_wrench: np.ndarray,
     end_wrench: np.ndarray,
+    touches: Sequence[Touch] = (),
     *,
     iterations: int = 25,
     neutral: bool = False,
 ) -> Verification:
     """As `verify`, from bare arrays: centreline (n, 3), orientations (n, 4), both wrenches (6,).
 
-    Where the claim is `neutral`, one of a family of equilibria, it is compared with the nearest of them.
+    Where the claim is `neutral`, one of a family of equilibria, it is compared with the nearest of them. With
+    `touches` (in units of the cable, seen from the start clamp's point along world axes) the true
+    equilibrium is that which touches just there; whether it is stable is not found out then.
     """
     # Units of the cable: length 1, bending stiffness 1.
     stiff = float(np.mean(rod.stiffness[:2]))
@@ -126,13 +134,31 @@ def refine(
     wrench = start_wrench / units
 
     force0, moment0 = start_frame.apply(wrench[:3]), start_frame.apply(wrench[3:])
-    s, r, frames = _resample(
-        (points - rod.start[:3]) / rod.length, orientations, force0, load, compliance, rod
+    s, r, frames = shooting.resample(
+        (points - rod.start[:3]) / rod.length,
+        orientations,
+        force0,
+        load,
+        compliance,
+        [touch.place for touch in touches],
     )
     r[0], frames[0] = 0.0, start_frame.as_matrix()
     r[-1], frames[-1] = (rod.end[:3] - rod.start[:3]) / rod.length, end_frame.as_matrix()
-    force = force0 - s[:, None] * load
-    moment = _moments(s, r, force, moment0)
+    at = np.searchsorted(s, [touch.place - 1e-12 for touch in touches])
+    normal_forces = np.array([touch.force for touch in touches])
+
+    def surfaces(r: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        return [touch.surface(r[node]) for touch, node in zip(touches, at, strict=True)]
+
+    def jumps(met: list[tuple[float, np.ndarray, np.ndarray]]) -> np.ndarray:
+        """(n + 1, 3) what is pushed at each node."""
+        out = np.zeros_like(r)
+        for touch, node, normal_force, (_, normal, _) in zip(touches, at, normal_forces, met, strict=True):
+            out[node] += normal_force * normal + touch.friction
+        return out
+
+    force = force0 - s[:, None] * load - np.cumsum(jumps(surfaces(r)), axis=0)
+    moment = shooting.moments(s, r, force, load, moment0)
 
     scale_f = max(1.0, float(np.abs(force).max()))
     scale = np.concatenate([np.ones(6), np.full(3, scale_f), np.full(3, max(1.0, scale_f**0.5))])
@@ -140,15 +166,19 @@ def refine(
     converged, done = False, 0
     maps = np.empty((len(h), 12, 12))
     for done in range(1, iterations + 1):  # noqa: B007
-        end_state, maps = _propagate(r, frames, force, moment, h, load, compliance)
-        gap = _gap(end_state, (r[1:], frames[1:], force[1:], moment[1:]))
+        end_state, maps = shooting.propagate(r, frames, force, moment, h, load, compliance)
+        met = surfaces(r)
+        end_state[2] = end_state[2] - jumps(met)[1:]
+        gap = shooting.gap(end_state, (r[1:], frames[1:], force[1:], moment[1:]))
         if not np.all(np.isfinite(gap)):
             break
-        step = _newton_step(maps, gap, scale, neutral)
+        held = [(node, f, *surface) for node, f, surface in zip(at, normal_forces, met, strict=True)]
+        step, pushes = shooting.newton_step(maps, gap, scale, held, neutral)
         if not np.all(np.isfinite(step)):
             break
         size = float(np.abs(step / scale).max())
-        step *= min(1.0, 0.4 / max(size, 1e-300))
+        part = min(1.0, 0.4 / max(size, 1e-300))
+        step, normal_forces = part * step, normal_forces + part * pushes
         r, force, moment = r + step[:, :3], force + step[:, 6:9], moment + step[:, 9:]
         frames = Rotation.from_rotvec(step[:, 3:6]).as_matrix() @ frames
         # Close to a fold rounding alone moves the step; closed gaps then say that it is done.
@@ -174,7 +204,7 @@ def refine(
     )
     return Verification(
         converged=True,
-        stable=_no_conjugate_point(maps[:-1] if neutral else maps, scale_f**-0.5),
+        stable=bool(touches) or _no_conjugate_point(maps[:-1] if neutral else maps, scale_f**-0.5),
         wrench_error=float(errors[1]),
         start_wrench_error=float(errors[0]),
         shape_error=_distance(points, orientations, shape, rod.length),
@@ -182,163 +212,13 @@ def refine(
         start_wrench=true_start,
         iterations=done,
         shape=shape,
+        normal_forces=normal_forces * units[0],
     )
 
 
 def _failed(iterations: int) -> Verification:
     nan = np.full(6, np.nan)
     return Verification(False, False, np.inf, np.inf, np.inf, nan, nan, iterations, None)
-
-
-def _resample(
-    points: np.ndarray,
-    orientations: np.ndarray,
-    force0: np.ndarray,
-    load: np.ndarray,
-    compliance: np.ndarray,
-    rod: Rod,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The claimed shape on a grid fine enough for one Runge-Kutta step a piece.
-
-    The fastest scale of the solution is a boundary layer of thickness sqrt(EI / |F|) or the turning
-    of the frame; a piece spans at most half of it, where one step is exact to about 1e-11.
-    """
-    claimed = Rotation.from_quat(orientations)
-    turning = (claimed[:-1].inv() * claimed[1:]).magnitude() * (len(points) - 1)
-    force = max(float(np.linalg.norm(force0)), float(np.linalg.norm(force0 - load)))
-    rate = max(np.sqrt(force * compliance[:2].max()), float(turning.max()))
-    pieces = int(np.clip(np.ceil(2.0 * rate), 40, 6000))
-    s = np.linspace(0.0, 1.0, pieces + 1)
-    given = np.linspace(0.0, 1.0, len(points))
-    frames = Slerp(given, claimed)(s).as_matrix()
-    tangents = claimed.as_matrix()[:, :, 2]
-    i = np.clip(np.searchsorted(given, s, side="right") - 1, 0, len(points) - 2)
-    h = given[i + 1] - given[i]
-    x = ((s - given[i]) / h)[:, None]
-    h = h[:, None]
-    r = (
-        (1 + 2 * x) * (1 - x) ** 2 * points[i]
-        + x * (1 - x) ** 2 * h * tangents[i]
-        + x**2 * (3 - 2 * x) * points[i + 1]
-        + x**2 * (x - 1) * h * tangents[i + 1]
-    )
-    return s, r, frames
-
-
-def _moments(s: np.ndarray, r: np.ndarray, force: np.ndarray, moment0: np.ndarray) -> np.ndarray:
-    """Moments along the claimed shape by balance: M' = -r' x F."""
-    rise = -np.cross(np.diff(r, axis=0), 0.5 * (force[1:] + force[:-1]))
-    return moment0 + np.vstack([np.zeros(3), np.cumsum(rise, axis=0)])
-
-
-def _cross_matrix(v: np.ndarray) -> np.ndarray:
-    """(n, 3) -> (n, 3, 3) with (v x) as a matrix."""
-    m = np.zeros((len(v), 3, 3))
-    m[:, 0, 1], m[:, 0, 2], m[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    m[:, 1, 0], m[:, 2, 0], m[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
-    return m
-
-
-def _rates(
-    state: list[np.ndarray], load: np.ndarray, compliance: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Derivatives along arc length of point, frame, force, moment and of their variations.
-
-    Variations (dr, dtheta, dF, dM) in world axes, dR = [dtheta]x R:
-    dr' = dtheta x t, dtheta' = R K^-1 R^T (dM - dtheta x M), dF' = 0, dM' = -(dtheta x t) x F - t x dF.
-    """
-    _, frame, force, moment, variation = state
-    t = frame[:, :, 2]
-    world_compliance = (frame * compliance) @ frame.transpose(0, 2, 1)
-    turning = (world_compliance @ moment[:, :, None])[:, :, 0]
-    tx, fx, mx = _cross_matrix(t), _cross_matrix(force), _cross_matrix(moment)
-    a = np.zeros((len(t), 12, 12))
-    a[:, 0:3, 3:6] = -tx
-    a[:, 3:6, 3:6] = world_compliance @ mx
-    a[:, 3:6, 9:12] = world_compliance
-    a[:, 9:12, 3:6] = -fx @ tx
-    a[:, 9:12, 6:9] = -tx
-    return (
-        t,
-        _cross_matrix(turning) @ frame,
-        np.broadcast_to(-load, t.shape),
-        -np.cross(t, force),
-        a @ variation,
-    )
-
-
-def _propagate(
-    r: np.ndarray,
-    frames: np.ndarray,
-    force: np.ndarray,
-    moment: np.ndarray,
-    h: np.ndarray,
-    load: np.ndarray,
-    compliance: np.ndarray,
-) -> tuple[list[np.ndarray], np.ndarray]:
-    """All pieces at once through one DOP853 step: end states, and (n, 12, 12) transition maps."""
-    first = [r[:-1], frames[:-1], force[:-1], moment[:-1], np.tile(np.eye(12), (len(h), 1, 1))]
-    steps = [h.reshape(-1, *[1] * (x.ndim - 1)) for x in first]
-    stages: list[tuple[np.ndarray, ...]] = []
-    for row in DOP853.A:
-        state = [
-            x + step * sum((c * k[j] for c, k in zip(row, stages, strict=False) if c), np.zeros(1))
-            for j, (x, step) in enumerate(zip(first, steps, strict=True))
-        ]
-        stages.append(_rates(state, load, compliance))
-    last = [
-        x + step * sum((b * k[j] for b, k in zip(DOP853.B, stages, strict=True) if b), np.zeros(1))
-        for j, (x, step) in enumerate(zip(first, steps, strict=True))
-    ]
-    return last[:4], last[4]
-
-
-def _gap(reached: list[np.ndarray], nodes: tuple[np.ndarray, ...]) -> np.ndarray:
-    """(n, 12) what is missing between the end of each piece and the node there."""
-    turn = reached[1] @ nodes[1].transpose(0, 2, 1)
-    # A step too long for the integration leaves no rotation: the claim is far from anything.
-    if not (np.all(np.isfinite(turn)) and np.all(np.linalg.det(turn) > 0.5)):
-        return np.full((len(turn), 12), np.nan)
-    rotation = Rotation.from_matrix(turn).as_rotvec()
-    return np.hstack([reached[0] - nodes[0], rotation, reached[2] - nodes[2], reached[3] - nodes[3]])
-
-
-def _newton_step(maps: np.ndarray, gap: np.ndarray, scale: np.ndarray, neutral: bool) -> np.ndarray:
-    """(n + 1, 12) changes of the nodes that close the gaps, both end poses held.
-
-    delta_{i+1} - Phi_i delta_i = gap_i is a banded system: 17 diagonals on either side. Where it is all but
-    singular, its null vector is what it answers to anything, and is taken out.
-    """
-    n = len(maps)
-    scaled = maps * (scale / scale[:, None])
-    band = np.zeros((35, 12 * n))
-    rows, cols = np.meshgrid(np.arange(12), np.arange(12), indexing="ij")
-    for block, offset in ((-scaled, -6), (np.tile(np.eye(12), (n, 1, 1)), 6)):
-        row = (12 * np.arange(n))[:, None, None] + rows
-        col = (12 * np.arange(n))[:, None, None] + offset + cols
-        # The two clamped nodes have no pose unknowns, only a wrench: six columns each.
-        inside = col >= 0
-        if offset > 0:
-            col[-1] -= 6
-            inside[-1] = cols >= 6
-        row = np.broadcast_to(row, col.shape)
-        band[17 + row[inside] - col[inside], col[inside]] = block[inside]
-
-    def solve(right: np.ndarray) -> np.ndarray:
-        return scipy.linalg.solve_banded((17, 17), band, right, check_finite=False)
-
-    delta = solve((gap / scale).ravel())
-    if neutral:
-        null = np.ones(12 * n)
-        for _ in range(2):
-            null = solve(null / np.linalg.norm(null))
-        null /= np.linalg.norm(null)
-        delta -= (null @ delta) * null
-    nodes = np.zeros((n + 1, 12))
-    nodes[0, 6:] = delta[:6]
-    nodes[1:-1] = delta[6:-6].reshape(n - 1, 12)
-    nodes[-1, 6:] = delta[-6:]
-    return nodes * scale
 
 
 def _no_conjugate_point(maps: np.ndarray, layer: float) -> bool:

@@ -1,0 +1,65 @@
+"""Distances to obstacles, written from their definitions, to check contact with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, Sphere
+
+Distance = Callable[[np.ndarray], np.ndarray]
+"""World points (..., 3) to signed distances (...), m, negative inside."""
+
+
+def distance(obstacle: Obstacle, link: np.ndarray, radius: float) -> Distance:
+    """How far a cable of `radius` is from an obstacle whose link is at the pose `link` (7,)."""
+    frame = Rotation.from_quat(link[3:])
+    offset = radius if obstacle.cable_radius_counts else 0.0
+
+    def signed(points: np.ndarray) -> np.ndarray:
+        local = frame.inv().apply(np.reshape(points, (-1, 3)) - link[:3])
+        return (_signed(obstacle, local) - offset).reshape(np.shape(points)[:-1])
+
+    return signed
+
+
+def gradient(signed: Distance, point: np.ndarray, step: float) -> np.ndarray:
+    """(3,) gradient of a distance at a point, by central differences."""
+    ways = step * np.eye(3)
+    return (signed(point + ways) - signed(point - ways)) / (2.0 * step)
+
+
+def curvature(signed: Distance, point: np.ndarray, step: float) -> np.ndarray:
+    """(3, 3) Hessian of a distance at a point, by central differences."""
+    rows = [
+        gradient(signed, point + way, step) - gradient(signed, point - way, step) for way in step * np.eye(3)
+    ]
+    h = np.array(rows) / (2.0 * step)
+    return 0.5 * (h + h.T)
+
+
+def _signed(obstacle: Obstacle, x: np.ndarray) -> np.ndarray:
+    shape = obstacle.shape
+    if isinstance(shape, Sphere):
+        return np.linalg.norm(x - shape.center, axis=1) - shape.radius
+    if isinstance(shape, Plane):
+        return (x - shape.point) @ shape.normal
+    if isinstance(shape, Box):
+        y = np.abs(Rotation.from_quat(shape.orientation).inv().apply(x - shape.center))
+        return _outside_or_in(y - 0.5 * shape.size)
+    way = shape.end - shape.start
+    size = float(np.linalg.norm(way))
+    along = (x - shape.start) @ way / size
+    if isinstance(shape, Capsule):
+        nearest = shape.start + np.outer(np.clip(along, 0.0, size), way / size)
+        return np.linalg.norm(x - nearest, axis=1) - shape.radius
+    assert isinstance(shape, Cylinder)
+    across = np.linalg.norm(x - shape.start - np.outer(along, way / size), axis=1)
+    return _outside_or_in(np.column_stack([across - shape.radius, np.abs(along - 0.5 * size) - 0.5 * size]))
+
+
+def _outside_or_in(over: np.ndarray) -> np.ndarray:
+    """Distance from how far a point is beyond each pair of faces (n, k)."""
+    return np.linalg.norm(np.maximum(over, 0.0), axis=1) + np.minimum(over.max(axis=1), 0.0)

@@ -1,0 +1,101 @@
+"""Claimed contacts, checked against the obstacles' definitions and against the rod's own balance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cable_ros.bench.shooting import Touch
+from cable_ros.bench.surfaces import Distance, curvature, distance, gradient
+from cable_ros.bench.verification import Rod, Verification
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.scene import Scene
+from cable_ros.scene.kinematics import Kinematics
+
+DEPTH = 1e-6
+"""What a cable may be inside an obstacle, parts of its length."""
+ROUNDING = 1e-6
+"""Of directions, and of forces relative to the largest."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """An obstacle as one cable meets it at one pose."""
+
+    signed: Distance
+    friction: float
+
+
+def surfaces(scene: Scene, kinematics: Kinematics, joints: np.ndarray, radius: float) -> dict[str, Surface]:
+    """All obstacles of a scene by name, for a cable of `radius`."""
+    if not scene.obstacles:
+        return {}
+    links = kinematics.obstacle_poses(joints)
+    return {
+        obstacle.name: Surface(distance(obstacle, links[i], radius), obstacle.friction)
+        for i, obstacle in enumerate(scene.obstacles)
+    }
+
+
+def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[Touch]:
+    """The claimed contacts as verification takes them; those at a clamp do not bear on the rod."""
+    length = rod.length
+    unit = float(np.mean(rod.stiffness[:2])) / length**2
+
+    def surface(signed: Distance):  # type: ignore[no-untyped-def]
+        def at(r: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+            point = rod.start[:3] + r * length
+            return (
+                float(signed(point)) / length,
+                gradient(signed, point, 1e-6 * length),
+                curvature(signed, point, 1e-4 * length) * length,
+            )
+
+        return at
+
+    return [
+        Touch(
+            contact.arc_length / length,
+            surface(met[contact.obstacle].signed),
+            contact.normal_force / unit,
+            contact.friction / unit,
+        )
+        for contact in claim.contacts
+        if 1e-9 < contact.arc_length / length < 1.0 - 1e-9
+    ]
+
+
+def contact_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> str | None:
+    """What is wrong with the claimed contacts as they are told: place, direction, pull, cone, depth."""
+    largest = max((float(np.linalg.norm(contact.force)) for contact in claim.contacts), default=0.0)
+    for contact in claim.contacts:
+        where = f"contact with {contact.obstacle} at {contact.arc_length / rod.length:.4f} L"
+        if not all(np.all(np.isfinite(v)) for v in (contact.position, contact.normal, contact.force)):
+            return f"{where}: not finite"
+        surface = met[contact.obstacle]
+        off = float(surface.signed(contact.position)) / rod.length
+        if abs(off) > DEPTH:
+            return f"{where}: {off:.1e} L off the surface"
+        turn = np.linalg.norm(gradient(surface.signed, contact.position, 1e-6 * rod.length) - contact.normal)
+        if turn > 1e3 * ROUNDING:
+            return f"{where}: its normal is off by {turn:.1e}"
+        if contact.normal_force < -ROUNDING * largest:
+            return f"{where}: it pulls with {-contact.normal_force:.2e} N"
+        rub = float(np.linalg.norm(contact.friction))
+        if rub > surface.friction * contact.normal_force + ROUNDING * largest:
+            return f"{where}: friction {rub:.3e} N beyond the cone of {contact.normal_force:.3e} N"
+    for name, surface in met.items():
+        deepest = float(surface.signed(claim.points[1:-1]).min()) / rod.length
+        if deepest < -DEPTH:
+            return f"{-deepest:.1e} L inside {name}"
+    return None
+
+
+def pull_fault(found: Verification) -> str | None:
+    """Whether a surface would have to pull to keep the true rod on it."""
+    forces = found.normal_forces
+    if len(forces) and forces.min() < -1e-3 * max(float(np.abs(forces).max()), 1e-300):
+        return f"balance needs a surface to pull with {-forces.min():.2e} N"
+    return None
