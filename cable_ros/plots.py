@@ -18,6 +18,10 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cable_ros.scene.obstacles import Plane
+from cable_ros.scene.obstacles import Shape as Solid
+from cable_ros.silhouettes import farthest, silhouette
+
 # Okabe and Ito's colours, told apart by everyone: x y z as RViz has them, and the norm.
 COMPONENT_COLOURS = ("#D55E00", "#009E73", "#0072B2", "#555555")
 LINE_STYLES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))  # one for each cable
@@ -89,7 +93,7 @@ def shapes_figure(
     shapes: Sequence[Shape],
     title: str,
     legend_title: str = "",
-    spheres: Sequence[tuple[np.ndarray, float]] = (),
+    obstacles: Sequence[Solid] = (),
 ) -> Figure:
     """The shapes in the XOZ, YOZ and XOY planes, placed as in an engineering drawing.
 
@@ -97,11 +101,11 @@ def shapes_figure(
         shapes: what to draw; equal labels are drawn in one colour and listed once.
         title: line above the drawing.
         legend_title: what the labels are values of, such as the joint.
-        spheres: (centre (3,), radius) of obstacles, world frame, m.
+        obstacles: shapes of obstacles in the world.
 
     Source: Fig. 8 of the paper (Nonlinear Dynamics 94, 649-667) has the same three projections.
     """
-    low, high = _bounds(shapes, spheres)
+    low, high = _bounds(shapes, obstacles)
     scale, unit = (1e3, "mm") if np.max(high - low) < 1 else (1.0, "m")
     extent = high - low
     with _style():
@@ -116,8 +120,10 @@ def shapes_figure(
         colours = _colours(shapes)
         styles = _styles(shapes)
         for axes, across, up in planes:
-            for centre, radius in spheres:
-                _disc(axes, centre[[across, up]] * scale, radius * scale)
+            for obstacle in obstacles:
+                outline = silhouette(obstacle, across, up, low, high)
+                if len(outline):
+                    axes.fill(*outline.T * scale, facecolor="#eeeeee", edgecolor="#bbbbbb", zorder=0.5)
             for shape in shapes:
                 curve = shape.points[:, [across, up]] * scale
                 axes.plot(*curve.T, color=colours[shape.label], linestyle=styles[shape.cable])
@@ -193,12 +199,15 @@ def _style() -> Iterator[None]:
         yield
 
 
-def _bounds(
-    shapes: Sequence[Shape], spheres: Sequence[tuple[np.ndarray, float]]
-) -> tuple[np.ndarray, np.ndarray]:
-    corners = [centre + side * radius for centre, radius in spheres for side in (-1, 1)]
-    points = np.vstack([*(shape.points for shape in shapes), *corners])
+def _bounds(shapes: Sequence[Shape], obstacles: Sequence[Solid]) -> tuple[np.ndarray, np.ndarray]:
+    points = np.vstack([shape.points for shape in shapes])
     low, high = points.min(axis=0), points.max(axis=0)
+    # An obstacle is seen whole as far as it does not make the cables small.
+    reach = 0.5 * np.max(high - low)
+    ways = np.vstack([np.eye(3), -np.eye(3)])
+    bounded = [farthest(obstacle, ways) for obstacle in obstacles if not isinstance(obstacle, Plane)]
+    corners = np.clip(np.vstack([points, *bounded]), low - reach, high + reach)
+    low, high = corners.min(axis=0), corners.max(axis=0)
     # A plane cable has no extent across its plane; a fifth of the largest keeps its panel readable.
     short = np.maximum(0.2 * np.max(high - low) - (high - low), 0) / 2
     margin = 0.06 * np.max(high - low)
@@ -215,14 +224,6 @@ def _colours(shapes: Sequence[Shape]) -> dict[str, tuple[float, ...]]:
 def _styles(shapes: Sequence[Shape]) -> dict[str, object]:
     cables = list(dict.fromkeys(shape.cable for shape in shapes))
     return {cable: LINE_STYLES[index % len(LINE_STYLES)] for index, cable in enumerate(cables)}
-
-
-def _disc(axes: Axes, centre: np.ndarray, radius: float) -> None:
-    axes.add_patch(
-        mpl.patches.Circle(
-            (centre[0], centre[1]), radius, facecolor="#eeeeee", edgecolor="#bbbbbb", zorder=0.5
-        )
-    )
 
 
 def _shape_legend(

@@ -13,6 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from cable_ros.log.history import History
     from cable_ros.plots import Abscissa, Shape
+    from cable_ros.scene import Scene
 
 EXAMPLE = """example:
   cable plot demo/space_arm.mcap --out pictures
@@ -52,34 +53,45 @@ def draw(log: Path, out: Path) -> list[Path]:
     from cable_ros.plots import Abscissa, save, shapes_figure, wrench_figure
 
     history = read_history(log)
-    kinds = moving_joints(log) or dict.fromkeys(history.joint_names, "revolute")
+    scene = scene_of(log)
+    kinds = moving_joints(scene) or dict.fromkeys(history.joint_names, "revolute")
     name = leading_joint(history, kinds)
     abscissa = Abscissa.of_joint(name, kinds[name] != "prismatic") if name else Abscissa.of_time()
     values = abscissa_values(history, name)
     pictures = []
     if shapes := list(chosen_shapes(log, history, values, abscissa)):
-        figure = shapes_figure(shapes, f"Shape of {', '.join(history.polylines)}, world axes", name or "")
+        title = f"Shape of {', '.join(history.polylines)}, world axes"
+        # What a link carries is somewhere else at each pose.
+        fixed = [obstacle.shape for obstacle in scene.obstacles if obstacle.link is None] if scene else []
+        figure = shapes_figure(shapes, title, name or "", fixed)
         pictures.append(save(figure, out / f"{log.stem}_shapes.png"))
     figure = wrench_figure(abscissa, {name: (values, rows) for name, rows in history.end_wrenches.items()})
     pictures.append(save(figure, out / f"{log.stem}_end_wrench.png"))
     return pictures
 
 
-def moving_joints(log: Path) -> dict[str, str]:
-    """Kind by name of the joints that move a clamp in the logged scene; empty where the log has none."""
+def scene_of(log: Path) -> Scene | None:
+    """The logged scene; None where the log has none."""
     from cable_ros.log.errors import LogError
     from cable_ros.log.reader import LogReader
     from cable_ros.scene import load_scene
     from cable_ros.scene.text import parse_yaml
-    from cable_ros.scene.urdf import chains
 
     try:
         with LogReader(log) as reader:
-            scene = load_scene(parse_yaml(reader.scene_text, str(log)), urdf=reader.urdf_text)
+            return load_scene(parse_yaml(reader.scene_text, str(log)), urdf=reader.urdf_text)
     except LogError:
+        return None
+
+
+def moving_joints(scene: Scene | None) -> dict[str, str]:
+    """Kind by name of the joints that move a clamp of the scene; empty where none does."""
+    from cable_ros.scene.urdf import chains
+
+    if scene is None or scene.robot is None:
         return {}
     links = {mount.link: None for cable in scene.cables for mount in cable.mounts if mount.link}
-    if scene.robot is None or not links:
+    if not links:
         return {}
     joints = ET.fromstring(chains(scene.robot.urdf, scene.robot.source, links)).iter("joint")
     return {joint.get("name", ""): joint.get("type", "") for joint in joints if joint.get("type") != "fixed"}

@@ -187,7 +187,7 @@ class Sample:
 
 def side_by_side(samples: Sequence[Sample], log: LogReader, name: str) -> Figure:
     """The end wrenches of every cable, as logged and under another scene, with the same axes."""
-    from cable_ros.cli.plot import moving_joints
+    from cable_ros.cli.plot import moving_joints, scene_of
     from cable_ros.plots import Abscissa, wrench_figure
 
     joints = list(samples[0].joints)
@@ -195,7 +195,7 @@ def side_by_side(samples: Sequence[Sample], log: LogReader, name: str) -> Figure
     ranges = np.ptp(values, axis=0)
     if joints and ranges.max() > 0:
         leading = int(np.argmax(ranges))
-        kind = moving_joints(log.path).get(joints[leading], "revolute")
+        kind = moving_joints(scene_of(log.path)).get(joints[leading], "revolute")
         abscissa, across = Abscissa.of_joint(joints[leading], kind != "prismatic"), values[:, leading]
     else:
         abscissa = Abscissa.of_time()

@@ -10,7 +10,7 @@ pytest.importorskip("sensor_msgs")
 
 from cable_ros.batch import solve_many
 from cable_ros.cli.main import main
-from cable_ros.cli.plot import abscissa_values, chosen_shapes, leading_joint, moving_joints
+from cable_ros.cli.plot import abscissa_values, chosen_shapes, leading_joint, moving_joints, scene_of
 from cable_ros.log.history import History, read_history, read_polyline
 from cable_ros.plots import Abscissa
 from cable_ros.scene import load_scene
@@ -80,7 +80,7 @@ def test_shapes_are_at_round_angles(log):
 
 
 def test_only_joints_that_move_a_clamp_count(log):
-    assert moving_joints(log) == {"orientation": "revolute"}
+    assert moving_joints(scene_of(log)) == {"orientation": "revolute"}
 
 
 def test_the_leading_joint_is_the_one_that_moves_most():
