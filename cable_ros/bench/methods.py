@@ -30,6 +30,8 @@ class Pose:
     cables: tuple[ClampedCable, ...]
     reference: tuple[BaselineResult, ...] | None
     """The true equilibria, where they were worked out."""
+    counts: bool = True
+    """Whether its time is part of the median: in a scene with obstacles, where one is touched."""
 
 
 @dataclass(frozen=True)

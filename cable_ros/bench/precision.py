@@ -11,15 +11,16 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
 from cable_ros.baselines import bvp
 from cable_ros.baselines.result import BaselineResult, ClampedCable, from_equilibrium, relative_wrench_error
+from cable_ros.bench import effects
 from cable_ros.bench.methods import Method, OurTracker, Outcome, Pose, Published, SolveBvp
-from cable_ros.scene import Kinematics, Scene, SceneError, load_scene
+from cable_ros.scene import Kinematics, Scene
 from cable_ros.scene.text import parse_yaml
 from cable_ros.tracker import Tracker
 
@@ -27,6 +28,8 @@ BLOCK = 10
 """Consecutive poses that one method solves before the next has its turn."""
 TIGHTEST = 1e-11
 """Tolerance of the tracker that leads the references along the branch."""
+TIGHT = 1e-8
+"""The same where that tracker is the reference itself."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,8 @@ class Bench:
         self.scene, self.size, self.tick = scene, size, tick
         self.whole = path
         self.path = path[: size.poses]
+        self.plain = effects.plain(scene)
+        """Whether the baselines can solve the scene; else references are our own, of tight tolerance."""
         self.agreement = 0.0
         """Largest relative difference between a reference of the diagram and the tightest tracker."""
 
@@ -109,7 +114,7 @@ class Bench:
         """How often `tick` will be called, nearly."""
         size, blocks = self.size, math.ceil(len(self.path) / BLOCK)
         settings = len(size.tolerances) + len(size.bvp_tolerances)
-        others = 2 + 2 * len(size.gravity_numbers) + len(STEPS) + len(size.cables)
+        others = 8 + 2 * len(size.gravity_numbers) + len(STEPS) + len(size.cables)
         return (
             (settings + len(size.parts)) * blocks
             + (settings + 2 * len(size.parts)) * size.references
@@ -124,9 +129,11 @@ class Bench:
 
     def precision(self) -> Iterator[Row]:
         """The work-precision rows, warm and cold."""
-        poses = self.poses(self.scene, self.path, self.size.references, 1e-10)
         size = self.size
+        poses = self.poses(self.scene, self.path, size.references, 1e-10)
         ours = [OurTracker(self.scene, tolerance) for tolerance in size.tolerances]
+        if not self.plain:
+            size = replace(size, bvp_tolerances=(), parts=())
         theirs = [SolveBvp(tolerance) for tolerance in size.bvp_tolerances]
         methods: list[Method] = [*ours, *theirs, *(Published(parts) for parts in size.parts)]
         yield from self.warm("warm", methods, poses)
@@ -136,8 +143,8 @@ class Bench:
         yield from self.cold(methods, [pose for pose in poses if pose.reference is not None])
 
     def effects(self) -> Iterator[Row]:
-        """The default tolerance with each effect that the scene's schema knows switched on."""
-        for label, scene in effect_variants(self.scene):
+        """The default tolerance with one effect after the other; with a ball, the poses that touch it."""
+        for label, scene in effects.variants(self.scene, self.path[len(self.path) // 2]):
             yield from self._ours("effect", label, 0.0, scene, self.path)
 
     def gravity(self) -> Iterator[Row]:
@@ -149,10 +156,9 @@ class Bench:
         for number in self.size.gravity_numbers:
             if per_gravity > 0:
                 gravity = number / per_gravity * direction
-                scene = _edited(self.scene, {"gravity": gravity.tolist()})
-                yield from self._ours(
-                    "gravity", f"w L^3/EI = {number:g}", number, scene, self.path, SolveBvp(1e-3)
-                )
+                scene = effects.edited(self.scene, {"gravity": gravity.tolist()}, effects.nothing)
+                label, others = f"w L^3/EI = {number:g}", [SolveBvp(1e-3)] if self.plain else []
+                yield from self._ours("gravity", label, number, scene, self.path, *others)
 
     def steps(self) -> Iterator[Row]:
         """The default tolerance at ever larger joint steps, to and fro between the ends of the path."""
@@ -170,7 +176,7 @@ class Bench:
         for count in self.size.cables:
             first = parse_yaml(self.scene.text, self.scene.source)["cables"][0]
             copies = [{**first, "name": f"cable{i}"} for i in range(count)]
-            scene = _edited(self.scene, {"cables": copies})
+            scene = effects.edited(self.scene, {"cables": copies}, effects.nothing)
             yield from self._ours("cables", f"{count} cables", count, scene, self.path)
 
     def _ours(
@@ -187,7 +193,8 @@ class Bench:
         with_reference = set(
             np.linspace(0, len(path) - 1, min(references, len(path))).round().astype(int).tolist()
         )
-        leader = Tracker(scene, TIGHTEST, 201)
+        comparable = effects.plain(scene)
+        leader = Tracker(scene, TIGHTEST if comparable else TIGHT, 201)
         poses = []
         for i, values in enumerate(path):
             joints = dict(zip(names, values.tolist(), strict=True))
@@ -201,9 +208,11 @@ class Bench:
             if i in with_reference and all(e.status.trusted for e in equilibria.values()):
                 starts = [from_equilibrium(e, c) for e, c in zip(equilibria.values(), cables, strict=True)]
                 reference = tuple(
-                    self._reference(c, start, tolerance) for c, start in zip(cables, starts, strict=True)
+                    self._reference(c, start, tolerance) if comparable else start
+                    for c, start in zip(cables, starts, strict=True)
                 )
-            poses.append(Pose(joints, cables, reference))
+            touching = any(e.contacts for e in equilibria.values())
+            poses.append(Pose(joints, cables, reference, touching or not scene.obstacles))
             self.tick("references")
         return poses
 
@@ -238,24 +247,6 @@ class Bench:
             yield _row("cold", method, poses, done)
 
 
-def effect_variants(scene: Scene) -> Iterator[tuple[str, Scene]]:
-    """The scene with one effect after another switched on; what the scene's schema does not know is left
-    out.
-    """
-    for label, changes in EFFECTS:
-        try:
-            yield label, _edited(scene, changes)
-        except SceneError:
-            continue
-
-
-EFFECTS: tuple[tuple[str, Mapping[str, object]], ...] = (
-    ("no weight", {"gravity": [0.0, 0.0, 0.0]}),
-    ("weight", {}),
-)
-"""What is changed in the scene to switch an effect on."""
-
-
 def write_csv(path: Path, rows: Sequence[Row], facts: Mapping[str, str]) -> None:
     """The table, after lines `# name: fact` on the machine."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -271,6 +262,10 @@ def write_csv(path: Path, rows: Sequence[Row], facts: Mapping[str, str]) -> None
 
 
 def _row(panel: str, method: Method, poses: Sequence[Pose], outcomes: Sequence[Outcome]) -> Row:
+    """The median over the poses that count."""
+    counted = any(pose.counts for pose in poses)
+    outcomes = [done for pose, done in zip(poses, outcomes, strict=True) if pose.counts or not counted]
+    poses = [pose for pose in poses if pose.counts or not counted]
     errors = [
         relative_wrench_error(wrench, reference.end_wrench)
         for pose, outcome in zip(poses, outcomes, strict=True)
@@ -291,8 +286,3 @@ def _row(panel: str, method: Method, poses: Sequence[Pose], outcomes: Sequence[O
         poses=len(outcomes),
         failed=sum(not np.all(np.isfinite(outcome.wrenches)) for outcome in outcomes),
     )
-
-
-def _edited(scene: Scene, changes: Mapping[str, object]) -> Scene:
-    values = {**parse_yaml(scene.text, scene.source), **changes}
-    return load_scene(values, urdf=scene.robot.urdf if scene.robot else None)

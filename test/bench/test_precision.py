@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from cable_ros.bench.precision import Bench, Size, effect_variants, write_csv
+from cable_ros.bench.precision import Bench, Size, write_csv
 from cable_ros.scene import load_scene
 from cable_ros.share import share_file
 
@@ -78,13 +78,6 @@ def test_the_tracker_of_several_cables_is_timed_per_cable(measured):
     (two,) = (row for row in rows if row.panel == "cables")
     assert two.setting == "2 cables"
     assert two.error <= 1e-4
-
-
-def test_effects_that_the_scene_does_not_know_are_left_out(scene):
-    labels = [label for label, _ in effect_variants(scene)]
-    assert labels[:2] == ["no weight", "weight"]
-    weightless = dict(effect_variants(scene))["no weight"]
-    assert not weightless.gravity.any()
 
 
 def test_csv_has_the_facts_then_the_rows(measured, tmp_path):
