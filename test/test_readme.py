@@ -37,7 +37,7 @@ COMMANDS = [line for block in _blocks("bash") for line in block.splitlines() if 
 @pytest.mark.usefixtures("beside_a_copy")
 @pytest.mark.parametrize("line", [line for line in COMMANDS if "demo/" not in line])
 def test_commands_run(line, capsys):
-    assert main(shlex.split(line)[1:]) == 0
+    assert main(shlex.split(line, comments=True)[1:]) == 0
     assert capsys.readouterr().out
 
 
