@@ -87,7 +87,7 @@ def enrichment(order: int) -> tuple[ReferenceElement, np.ndarray]:
 
 
 def primitives(element: ReferenceElement) -> np.ndarray:
-    """Integrals (g, g) of the Lagrange polynomials through the quadrature points: column k in powers 1 to g of x."""
+    """Integrals (g, g) of the Lagrange polynomials through the g points: column k in powers 1 to g of x."""
     powers = np.vander(element.points, increasing=True)
     return np.linalg.inv(powers) / np.arange(1, len(element.points) + 1)[:, None]
 
@@ -156,6 +156,6 @@ def sampling(mesh: Mesh, count: int) -> Sampling:
 
 @cache
 def integrals(order: int) -> tuple[np.ndarray, np.ndarray]:
-    """For positions anywhere along an element: shape functions at a few more Gauss points, and `primitives` of those."""
+    """For positions anywhere along an element: shape functions at a few more Gauss points, and `primitives`."""
     element = reference_element(order, order + 4)
     return element.values, primitives(element)

@@ -60,8 +60,8 @@ def error(
     `fine`), which is eliminated there; the rest is one solve with the factors at hand. `g` (n, 3) is the
     solution's own gradient, `Fe` as in `gradient`, `residual` (3n,) comes with what point forces inside
     elements pull. Rows of V beyond the third read the position after `upto` (rows,) elements along `lines`
-    (rows, 3), which is now at `coarse` (elements + 1, 3). `shares` (elements,) receives each element's part in
-    energy norm squared, for refinement.
+    (rows, 3), which is now at `coarse` (elements + 1, 3). `shares` (elements,) receives each element's part
+    in energy norm squared, for refinement.
     """
     N, dN, N3, dN3, points, weights = fine
     order = N.shape[1] - 1

@@ -115,14 +115,28 @@ def test_starts_are_the_same_every_time() -> None:
     assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
 
 
+NATURAL = np.array([3.0, -1.0, 2.0])
+SIZE = float(np.linalg.norm(NATURAL))
+
+
+def helix(s: float) -> np.ndarray:
+    """Frame of the unloaded cable at the arc length s."""
+    return np.concatenate([[np.cos(s * SIZE / 2)], np.sin(s * SIZE / 2) * NATURAL / SIZE])
+
+
 def test_a_coiled_cable_starts_from_its_own_shape() -> None:
-    natural = np.array([3.0, -1.0, 2.0])
-    size = np.linalg.norm(natural)
-    own = np.concatenate([[np.cos(size / 2)], np.sin(size / 2) * natural / size])
-    first = next(iter(unloaded(NODES, own, natural)))
     # At its own end frame nothing has to give: the helix itself, strain = natural strain everywhere.
+    first = next(iter(unloaded(NODES, helix(1.0), NATURAL, None)))
     for s, q in zip(NODES, first, strict=True):
-        helix = np.concatenate([[np.cos(s * size / 2)], np.sin(s * size / 2) * natural / size])
-        assert abs(q @ helix) == pytest.approx(1.0, abs=1e-13)
-    for q in starts(NODES, END, CHORD, DOWN, None, natural):
+        assert abs(q @ helix(s)) == pytest.approx(1.0, abs=1e-13)
+    for q in starts(NODES, END, CHORD, DOWN, None, NATURAL):
         assert abs(q[-1] @ END) == pytest.approx(1.0, abs=1e-13)
+
+
+@pytest.mark.parametrize("turns", [-2.0, 0.0, 1.0])
+def test_a_coiled_cable_starts_with_the_twist_nearest_to_the_hint(turns: float) -> None:
+    hint = NATURAL[2] + 2.0 * np.pi * turns + 0.5
+    twists = [totals(q)[4] for q in unloaded(NODES, helix(1.0), NATURAL, hint)]
+    around = NATURAL[2] + 2.0 * np.pi * (turns + np.array([0.0, 1.0, -1.0]))
+    # The mesh resolves a helix of two turns and more an end to end to about 1e-3.
+    assert twists == pytest.approx(around, abs=1e-2)
