@@ -10,6 +10,7 @@ import numpy as np
 
 from scipy.spatial.transform import Rotation
 
+from cable_ros.auto_effects import Choice
 from cable_ros.equilibrium import Contact, Equilibrium
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.effect import Properties
@@ -27,7 +28,7 @@ from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.touch_kernels import FORCE, FRICTION, HELD, OBSTACLE, PLACE
 from cable_ros.statics.touch_system import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.touching import TouchingRod
-from cable_ros.statics.units import Units, relative
+from cable_ros.statics.units import Units, relative, relative_change
 from cable_ros.statics.walk import End, Walk, walk
 
 ALGEBRAIC = 1e-3
@@ -58,6 +59,7 @@ class Follower:
         self._hint = cable.total_twist
         self._names = obstacle_names
         self.environment: dict[str, float] = {}
+        self.choice: Choice | None = None
         self._use(properties)
         self._sampling: tuple[Mesh, int, Sampling] | None = None
         self.reset()
@@ -265,10 +267,11 @@ class Follower:
             self._margin = rod.stability_margin()
         if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
             message = FREE
+        if self.choice is not None:
+            message += self.choice.note
         unit = self._units
         self._twist = float(rod.totals[4])
-        end_wrench, start_wrench = np.empty(6), np.empty(6)
-        compiled.wrenches(self._F, rod.f + rod.held, rod.qe, rod.g, unit.force, unit.moment, end_wrench, start_wrench)
+        end_wrench, start_wrench = self.wrenches(rod)
         points, orientations = self._polyline(rod, poses[0])
         return Equilibrium(
             status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
@@ -277,6 +280,27 @@ class Follower:
             iterations=iterations, solve_time=time.perf_counter() - begin, contacts=self._contacts(rod, poses[0]),
             _tangent=partial(_tangent, rod, rod.qe, rod.re, rod.f, self._q, self._F, unit),
         )  # fmt: skip
+
+    @property
+    def rod(self) -> Rod | None:
+        """The rod of the present equilibrium; None without one."""
+        return self._rod
+
+    @property
+    def q(self) -> np.ndarray:
+        """(n, 4) its nodal frames."""
+        return self._q
+
+    def difference(self, found: np.ndarray, expected: np.ndarray) -> float:
+        """Relative difference of two end wrenches (6,), SI: the larger of the force's and the moment's."""
+        unit = np.repeat([self._units.force, self._units.moment], 3)
+        return relative_change((found - expected) / unit, expected / unit, Rod.least)
+
+    def wrenches(self, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
+        """(6,), (6,): what the cable exerts at its end and at its start at present, SI, in the clamps' frames."""
+        end, start, unit = np.empty(6), np.empty(6), self._units
+        compiled.wrenches(self._F, rod.f + rod.held, rod.qe, rod.g, unit.force, unit.moment, end, start)
+        return end, start
 
     def _contacts(self, rod: Rod, start: np.ndarray) -> tuple[Contact, ...]:
         if not isinstance(rod, TouchingRod) or not rod.count:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_ros import auto_effects
 from cable_ros.effects import environments, properties
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.follower import Follower
@@ -45,6 +46,7 @@ class Tracker:
             for cable in self.scene.cables
         )
         self._joints: np.ndarray | None = None
+        self._auto = self.scene.effects == "auto"
 
     @staticmethod
     def _check(tolerance: float, polyline_points: int) -> None:
@@ -103,6 +105,14 @@ class Tracker:
                 follower.environment = after[cable.name]
                 new = properties(self.scene, cable, environment=follower.environment)
                 follower.become(new, self.kinematics.poses, i)
+                follower.choice = None
+
+    def _prepare(self, index: int) -> None:
+        auto_effects.prepare(self._followers[index], self.scene, self.scene.cables[index], self.kinematics, index)
+
+    def _review(self, index: int, found: Equilibrium) -> bool:
+        follower, cable = self._followers[index], self.scene.cables[index]
+        return auto_effects.review(follower, self.scene, cable, self.kinematics, index, found)
 
     def snapshot(self) -> tuple[Follower, ...]:
         """A copy of what the next solve starts from, for `restore`; can be pickled."""
@@ -133,7 +143,12 @@ class Tracker:
         out = {}
         poses = self.kinematics.poses(values)
         for i, follower in enumerate(self._followers):
-            out[follower.name] = follower.solve(self.kinematics, i, values, poses[i], begin)
+            if self._auto:
+                self._prepare(i)
+            found = follower.solve(self.kinematics, i, values, poses[i], begin)
+            if self._auto and found.converged and self._review(i, found):
+                found = follower.solve(self.kinematics, i, values, poses[i], begin)
+            out[follower.name] = found
             begin = time.perf_counter()
         self._joints = values
         return out

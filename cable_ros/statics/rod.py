@@ -11,6 +11,7 @@ from cable_ros.solve import banded
 from cable_ros.solve.trust_region import Options, minimize
 from cable_ros.statics import compiled, saddle
 from cable_ros.statics.response import clamp_response
+from cable_ros.statics.units import relative_change
 
 ORDER = 6
 """Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
@@ -209,13 +210,5 @@ class Rod:
                               self.L, self.pivots, self.Y, self.S, self.g, residual, self.shares)  # fmt: skip
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
-        """The larger of the force's and the moment's estimated errors, each relative to its own size.
-
-        Where one of them passes through zero, the size that the other implies takes over: a force F bends over the
-        length (EI / F)^1/2, hence moments of (EI F)^1/2.
-        """
-        change = self.wrench_error(q, F)
-        force, moment = float(np.linalg.norm(F)), float(np.linalg.norm(self.g[-1]))
-        force_scale = max(force, 0.03 * moment**2, self.least)
-        moment_scale = max(moment, 0.03 * force**0.5, self.least)
-        return float(max(np.linalg.norm(change[:3]) / force_scale, np.linalg.norm(change[3:]) / moment_scale))
+        """Estimated relative error of the end wrench; see `units.relative_change`."""
+        return relative_change(self.wrench_error(q, F), np.concatenate([F, self.g[-1]]), self.least)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -14,7 +15,7 @@ from cable_ros.mechanics.elements import Mesh, Sampling
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.response import clamp_response
-from cable_ros.statics.rod import Rod
+from cable_ros.statics.rod import REFRESH, Rod
 from cable_ros.statics.stretching_kernels import (
     advance_stretching,
     moments,
@@ -86,15 +87,16 @@ class StretchingRod(Rod):
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         q_new, F_new = np.empty_like(q), np.empty(3)
-        code, iterations = advance_stretching(
+        code, iterations, turned = advance_stretching(
             q, F, qe, re, f, self.K, self.natural, self.compliance, self.h, self.s0, self.tables,
             self.elastic, self.geometric, self.parts, self.C, self.reach,
             self.A, self.L, self.pivots, self.Y, self.S,
             self.acc, self.g, self.radial, self.totals, self.stretch, tolerance, limit, q_new, F_new,
         )  # fmt: skip
-        self.drift = 0.0
         if code == compiled.ADVANCED:
             self.set_conditions(qe, re, f)
+        # the factors are always new; estimate and margin are asked for anew where drift is zero
+        self.drift = self.drift + turned if self.drift + turned <= REFRESH else 0.0
         return code, iterations, q_new, F_new
 
     def minimum(
@@ -196,9 +198,9 @@ class StretchingRod(Rod):
         points: np.ndarray,
     ) -> None:
         """Add the way of the stretch to the world `points` (m, 3) of `readout.polyline`."""
-        places, _ = legendre.leggauss(len(table.quadrature))
+        places = _gauss(len(table.quadrature))
         stretch_polyline(q, F, self.f, self.compliance, self.h, self.s0, table.element, table.weights,
-                         table.quadrature, 0.5 * (places + 1.0), start, length, points)  # fmt: skip
+                         table.quadrature, places, start, length, points)  # fmt: skip
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         self.refactor(q, F)
@@ -253,6 +255,12 @@ class StretchingRod(Rod):
         """As `Rod.wrench_error`; the added polynomials see the stretch at the solution only."""
         pull, way = self._stretch(q, F, self.f, self.fine)
         return self._wrench_error(q, F, self.re - way, pull)
+
+
+@cache
+def _gauss(count: int) -> np.ndarray:
+    """(count,) Gauss points on [0, 1]."""
+    return 0.5 * (legendre.leggauss(count)[0] + 1.0)
 
 
 def _walk(

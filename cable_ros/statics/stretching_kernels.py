@@ -67,7 +67,7 @@ def advance_stretching(
     elastic, geometric, parts, C, reach, A, L, pivots, Y, S, acc, g, radial, totals, stretch,
     tolerance, limit, q_new, F_new,
 ):  # fmt: skip
-    """As `compiled.advance`, with new factors at every correction. Returns (code, iterations)."""
+    """As `compiled.advance`, with new factors at every correction. Returns (code, iterations, turned)."""
     order = tables[0].shape[1] - 1
     n = 3 * q.shape[0]
     gv = g.reshape(n)
@@ -77,15 +77,16 @@ def advance_stretching(
     q_new[:] = q
     F_new[:] = F
     left = last_size = np.inf
+    turned = 0.0
     for iteration in range(20):
         stretch_linearize(
             q_new, F_new, f, K, kappa0, compliance, h, s0, tables,
             elastic, geometric, parts, C, reach, acc, g, radial, totals, stretch, iteration > 0,
         )  # fmt: skip
         if iteration > 0 and not stretch_factor(elastic, geometric, C, reach, 0.0, order, A, L, pivots, Y, S):
-            return NOT_CONVEX, iteration
+            return NOT_CONVEX, iteration, turned
         if left <= tolerance:
-            return ADVANCED, iteration - 1
+            return ADVANCED, iteration - 1, turned
         for a in range(3):
             c[a] = totals[a] - re[a]
         if iteration == 0:
@@ -95,8 +96,10 @@ def advance_stretching(
             for k in range(3):
                 s[n - 3 + k] = theta[k]
         moved = largest(s)
+        if iteration == 0:
+            turned = moved
         if not moved <= limit:
-            return TOO_FAR, iteration
+            return TOO_FAR, iteration, turned
         quaternion.retract(q_new, s, q_new)
         close(q_new, qe)
         force, change = 1e-3, 0.0
@@ -106,11 +109,11 @@ def advance_stretching(
             change = max(change, abs(dF[a]))
         new = max(change / force, moved)
         if iteration > 2 and not new <= 0.5 * last_size:
-            return NOT_CONTRACTING, iteration
+            return NOT_CONTRACTING, iteration, turned
         # Newton's method squares what is left; the predictor is no correction yet
         left = new * new if iteration > 0 else np.inf
         last_size = new
-    return NOT_CONTRACTING, iteration
+    return NOT_CONTRACTING, iteration, turned
 
 
 @njit(**OPTIONS)

@@ -49,3 +49,15 @@ def relative(
     re = quaternion.rotate(inverse, poses[1, :3] - poses[0, :3]) / length
     f = quaternion.rotate(inverse, weight) * (length / force)
     return qe, re, f
+
+
+def relative_change(change: np.ndarray, wrench: np.ndarray, least: float) -> float:
+    """Relative size of a change (6,) of a wrench (6,), in cable units: the larger of force and moment.
+
+    Where one of them passes through zero, the size that the other implies takes over: a force F bends over
+    the length (EI / F)^1/2, hence moments of (EI F)^1/2. Nothing counts as less than `least`.
+    """
+    force, moment = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
+    force_scale = max(force, 0.03 * moment**2, least)
+    moment_scale = max(moment, 0.03 * force**0.5, least)
+    return float(max(np.linalg.norm(change[:3]) / force_scale, np.linalg.norm(change[3:]) / moment_scale))

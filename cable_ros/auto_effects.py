@@ -1,0 +1,153 @@
+"""`effects: auto`: which effects a cable can do without at its tolerance, and when to ask anew."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cable_ros.effects import ALL, properties, wanted
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.scene import Cable, Kinematics, Scene
+
+if TYPE_CHECKING:
+    from cable_ros.follower import Follower
+
+PART = 0.1
+"""What is left out may change the end wrench by this part of the tolerance, all together."""
+GROWN = 2.0
+"""Its size is measured again when its dimensionless number has grown so many times ..."""
+TURNED = 0.3
+"""... or when some section has turned by so much since, rad."""
+UNREMOVED = ("contact", "friction")
+"""Never left out: they cost next to nothing while nothing touches, and nothing tells when something will."""
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """What is left out of one cable's equations, and what is known about that."""
+
+    left_out: tuple[str, ...]
+    change: float
+    """Relative change of the end wrench that it makes, all together, when last measured."""
+    tolerance: float
+    sizes: dict[str, float]
+    """Dimensionless sizes of what is left out, when last measured."""
+    shape: np.ndarray
+    """(n, 4) nodal frames then."""
+    note: str = field(default="")
+    """What the message of an equilibrium says about it."""
+
+
+def prepare(follower: Follower, scene: Scene, cable: Cable, kinematics: Kinematics, index: int) -> None:
+    """Take all effects in again where the choice no longer holds: before a cold start."""
+    choice = follower.choice
+    if choice is not None and (follower.rod is None or choice.tolerance != follower.tolerance):
+        _take_all_in(follower, scene, cable, kinematics, index)
+
+
+def review(
+    follower: Follower, scene: Scene, cable: Cable, kinematics: Kinematics, index: int, found: Equilibrium
+) -> bool:
+    """Choose after a solve; whether the equations have changed, so that the pose must be solved again.
+
+    Args:
+        follower: with the equilibrium that it has just found.
+        scene, cable, kinematics, index: what it follows.
+        found: that equilibrium.
+    """
+    choice, rod = follower.choice, follower.rod
+    if rod is None:
+        return False
+    if choice is not None:
+        if not choice.left_out:
+            return False
+        sizes = _sizes(scene, cable, follower, choice.left_out, found)
+        if not _outgrown(choice, sizes, follower.q):
+            return False
+        full = _wrench(follower, scene, cable, kinematics, index, ())
+        change = np.inf if full is None else follower.difference(found.end_wrench, full)
+        if change <= PART * follower.tolerance:
+            follower.choice = _choice(follower, choice.left_out, change, sizes)
+            return False
+        _take_all_in(follower, scene, cable, kinematics, index)
+        if follower.rod is None:
+            return True  # the next solve looks for the branch, and chooses
+    left_out, change = _measure(follower, scene, cable, kinematics, index)
+    follower.choice = _choice(follower, left_out, change, _sizes(scene, cable, follower, left_out, found))
+    if left_out:
+        remaining = properties(scene, cable, _others(scene, cable, left_out), follower.environment)
+        follower.become(remaining, kinematics.poses, index)
+    return bool(left_out) or choice is not None
+
+
+def _choice(follower: Follower, left_out: tuple[str, ...], change: float, sizes: dict[str, float]) -> Choice:
+    note = f" Left out: {', '.join(left_out)} (changes the end wrench by {change:.1g})." if left_out else ""
+    return Choice(left_out, change, follower.tolerance, sizes, follower.q, note)
+
+
+def _measure(
+    follower: Follower, scene: Scene, cable: Cable, kinematics: Kinematics, index: int
+) -> tuple[tuple[str, ...], float]:
+    """What can be left out of a cable that has everything in, and what that changes."""
+    with_all = _wrench(follower, scene, cable, kinematics, index, ())
+    if with_all is None:
+        return (), 0.0
+
+    def change(left_out: tuple[str, ...]) -> float:
+        without = _wrench(follower, scene, cable, kinematics, index, left_out)
+        return np.inf if without is None else follower.difference(without, with_all)
+
+    limit = PART * follower.tolerance
+    alone = {name: change((name,)) for name in wanted(scene, cable) if name not in UNREMOVED}
+    small = sorted((name for name in alone if alone[name] <= limit), key=alone.__getitem__)
+    while small:
+        together = change(tuple(small))
+        if together <= limit:
+            return tuple(small), together
+        small.pop()
+    return (), 0.0
+
+
+def _wrench(
+    follower: Follower,
+    scene: Scene,
+    cable: Cable,
+    kinematics: Kinematics,
+    index: int,
+    left_out: tuple[str, ...],
+) -> np.ndarray | None:
+    """(6,) end wrench at the present pose without those effects; None where the branch ends on the way."""
+    twin = copy.copy(follower)
+    names = _others(scene, cable, left_out)
+    twin.become(properties(scene, cable, names, follower.environment), kinematics.poses, index)
+    return None if twin.rod is None else twin.wrenches(twin.rod)[0]
+
+
+def _others(scene: Scene, cable: Cable, left_out: Iterable[str]) -> tuple[str, ...]:
+    return tuple(name for name in wanted(scene, cable) if name not in left_out)
+
+
+def _take_all_in(follower: Follower, scene: Scene, cable: Cable, kinematics: Kinematics, index: int) -> None:
+    follower.choice = None
+    follower.become(properties(scene, cable, environment=follower.environment), kinematics.poses, index)
+
+
+def _sizes(
+    scene: Scene, cable: Cable, follower: Follower, names: Iterable[str], found: Equilibrium
+) -> dict[str, float]:
+    force = float(np.linalg.norm(found.end_wrench[:3]))
+    return {e.NAME: e.size(scene, cable, follower.environment, force) for e in ALL if e.NAME in names}
+
+
+def _outgrown(choice: Choice, sizes: dict[str, float], q: np.ndarray) -> bool:
+    """Whether the sizes, or the shape, are no longer those that were measured."""
+    if any(sizes[name] > GROWN * choice.sizes[name] for name in choice.left_out):
+        return True
+    if q.shape != choice.shape.shape:
+        return True
+    alike = np.abs(np.einsum("na,na->n", q, choice.shape)).min()
+    return bool(alike < np.cos(0.5 * TURNED))
