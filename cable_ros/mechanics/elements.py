@@ -156,6 +156,6 @@ def sampling(mesh: Mesh, count: int) -> Sampling:
 
 @cache
 def integrals(order: int) -> tuple[np.ndarray, np.ndarray]:
-    """For positions anywhere along an element: shape functions at a few more Gauss points, and `primitives`."""
+    """For positions anywhere along an element: shape functions at more Gauss points, and `primitives`."""
     element = reference_element(order, order + 4)
     return element.values, primitives(element)
