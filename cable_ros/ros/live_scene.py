@@ -12,6 +12,7 @@ from cable_ros.ros.cable_outputs import CableOutputs
 from cable_ros.ros.joint_states import JointStates
 from cable_ros.ros.markers import CableMarkers
 from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, SolvedJointsMessage
+from cable_ros.ros.obstacle_markers import ObstacleMarkers
 from cable_ros.ros.recorder import Outlet
 from cable_ros.scene.model import Scene
 from cable_ros.solve.status import Status
@@ -47,6 +48,7 @@ class LiveScene:
         self._load = JointLoadMessage(tracker.joint_names) if tracker.joint_names else None
         self._stiffness = JointStiffnessMessage(len(tracker.joint_names)) if tracker.joint_names else None
         self._markers: dict[str, CableMarkers] = {}
+        self._obstacles = ObstacleMarkers(scene, world_frame) if scene.obstacles else None
         self.equilibria: dict[str, Equilibrium] = {}
         self.solved = 0
         self.fresh = True
@@ -109,10 +111,16 @@ class LiveScene:
             send(*cable.path(stamp, equilibrium))
 
     def send_markers(self, send: Send, stamp: int, outlet: Outlet, force_scale: float) -> None:
-        """Send the markers of every cable whose numbers are trusted."""
+        """Send the obstacles and every cable; one whose numbers are not trusted leaves the view."""
         self._prepare_markers()
-        for cable, equilibrium in self._trusted():
-            send(outlet, self._markers[cable.cable.name].fill(stamp, equilibrium, force_scale))
+        if self._obstacles is not None:
+            kinematics, joints = self.tracker.kinematics, self.states.positions
+            centre = kinematics.poses(joints)[0, 0, :3]
+            send(outlet, self._obstacles.fill(stamp, kinematics.obstacle_poses(joints), centre))
+        for name, equilibrium in self.equilibria.items():
+            markers = self._markers[name]
+            trusted = equilibrium.status.trusted
+            send(outlet, markers.fill(stamp, equilibrium, force_scale) if trusted else markers.remove())
 
     def _prepare_markers(self) -> None:
         count = self.tracker.polyline_points

@@ -8,7 +8,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cable_ros.equilibrium import Equilibrium
-from cable_ros.ros.cdr import Template
+from cable_ros.ros.cdr import Template, serialise
 from cable_ros.ros.messages import set_stamp
 from cable_ros.scene.model import Cable
 
@@ -36,7 +36,7 @@ def bending_moments(cable: Cable, quaternions: np.ndarray) -> np.ndarray:
     """Bending moment along the cable, N m, from the turns between neighbouring section frames.
 
     Args:
-        cable: length and stiffness.
+        cable: length, stiffness and natural strain.
         quaternions: (n, 4) section frames at equal arc lengths, x y z w.
 
     Returns:
@@ -51,6 +51,8 @@ def bending_moments(cable: Cable, quaternions: np.ndarray) -> np.ndarray:
     angle = 2 * np.arctan2(sine, np.abs(scalar))
     step = cable.length / (len(quaternions) - 1)
     turn = vector * (angle / np.where(sine > 0, sine, 1.0) / step)[:, None]
+    if cable.natural_strain is not None:
+        turn -= cable.natural_strain
     moment = np.hypot(cable.stiffness[0] * turn[:, 0], cable.stiffness[1] * turn[:, 1])
     return np.interp(np.arange(len(quaternions)), np.arange(len(moment)) + 0.5, moment)
 
@@ -83,6 +85,9 @@ class CableMarkers:
             arrow.scale.x, arrow.scale.y = 3 * self._radius, 6 * self._radius  # shaft and head diameter
             arrow.color = ColorRGBA(r=0.9, g=0.2, b=0.1, a=1.0)
             arrows.append(arrow)
+        self._removal = MarkerArray(
+            markers=[Marker(header=m.header, ns=m.ns, action=Marker.DELETE) for m in (tube, *arrows)]
+        )
         self._template = Template(MarkerArray(markers=[tube, *arrows]))
         view = self._template.view
         self._points = view("markers[0].points[{}].x", 3, rows=corners)
@@ -121,3 +126,7 @@ class CableMarkers:
             arrow[1] = points[index] + force_scale * (frames[index] @ wrench[:3])
         set_stamp(self._template, stamp)
         return self._template.to_bytes()
+
+    def remove(self) -> bytes:
+        """Bytes that take the cable out of the view: there is no shape of it that could be trusted."""
+        return serialise(self._removal)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import InvalidTopicNameException, ParameterException
 from rclpy.parameter import Parameter
+from rclpy.validate_topic_name import validate_topic_name
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -124,8 +125,11 @@ def refusal(entry: Declaration, value: Any) -> str:
     """Why a value of the right type and range still can't be used; empty when it can."""
     if isinstance(value, float) and not math.isfinite(value):
         return f"Parameter '{entry.name}' is {value}; it must be {_wanted(entry)}."
-    if entry.name.endswith("_topic") and not value:
-        return f"Parameter '{entry.name}' is empty; it needs a name."
+    if entry.name.endswith("_topic"):
+        try:
+            validate_topic_name(value)
+        except InvalidTopicNameException:
+            return f"Parameter '{entry.name}' is '{value}'; it must be the name of a topic."
     if entry.name == "log.path" and value.endswith(".mcap") and os.path.exists(os.path.expanduser(value)):
         return f"Parameter 'log.path': {value} exists already and logs never overwrite; choose another name."
     return ""
