@@ -33,6 +33,8 @@ from cable_ros.log.reader import LoggedMessage, LoggedTopic, LogReader
 _CLOCK = "/clock"
 _CLOCK_PERIOD = 0.01  # s of wall time between two clock messages
 _LOOK_AROUND = 0.1  # s; how often a long pause looks whether it should stop
+_SETTLE = 0.3  # s
+_QUIET = 1.0  # s without another topic's first subscriber
 _NANO = 1_000_000_000
 
 EXAMPLE = """example:
@@ -98,12 +100,23 @@ class ReplayNode(Node):
         self._publishers_by_topic[topic.name] = self.create_publisher(kind, topic.name, qos)
 
     def wait_for_subscribers(self, seconds: float) -> None:
-        """Until every topic has a subscriber, at most so long: what is published earlier would be lost."""
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline and not all(
-            publisher.get_subscription_count() for publisher in self._publishers_by_topic.values()
-        ):
+        """Until no further topic finds a subscriber, at most so long: what is sent earlier would be lost.
+
+        Discovery takes 0.1 s as a rule, and now and then some seconds.
+        """
+        heard, since = 0, time.monotonic()
+        deadline = since + seconds
+        publishers = self._publishers_by_topic.values()
+        while (now := time.monotonic()) < deadline:
+            count = sum(publisher.get_subscription_count() > 0 for publisher in publishers)
+            if count != heard:
+                heard, since = count, now
+            # A subscriber sees a publisher a moment after it is seen by it.
+            if heard and now - since > (_SETTLE if heard == len(publishers) else _QUIET):
+                return
             self._pause(0.02)
+        if not heard and seconds:
+            self.get_logger().warning(f"Nobody has subscribed within {seconds:g} s; playing all the same.")
 
     def play(self, progress: Any) -> None:
         """Replay once; `progress` is a tqdm bar of seconds of log. Raises Stopped."""
@@ -212,8 +225,8 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         "--wait",
         metavar="S",
         type=_not_negative,
-        default=1.0,
-        help="wait up to S s until every topic has a subscriber (default 1)",
+        default=5.0,
+        help="wait up to S s for subscribers, less where no more of them come (default 5)",
     )
     return parser.parse_args(arguments)
 
