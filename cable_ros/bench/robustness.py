@@ -13,9 +13,11 @@ import numpy as np
 
 from cable_ros.bench.baseline_share import baseline_rows
 from cable_ros.bench.cases import Case, Outcome, Step, run_case
+from cable_ros.bench.contact_fuzz import contact_case
 from cable_ros.bench.fuzz import STEPS, cold_case, tracked_case
 from cable_ros.bench.machine import describe
 from cable_ros.bench.markdown import markdown_table, write_between
+from cable_ros.equilibrium import Equilibrium
 from cable_ros.solve.status import Status
 
 SHARE = 0.999
@@ -57,7 +59,14 @@ def run(args: argparse.Namespace) -> int:
         (run_case(tracked_case(args.seed, i, args.tolerance)) for i in range(paths)), paths, "tracked"
     ):
         tracked.add(outcome)
-    tallies = [tally for tally in (cold, tracked) if tally.answers]
+    touching = Tally("poses among obstacles")
+    for outcome in _progress(
+        (run_case(contact_case(args.seed, i, args.tolerance)) for i in range(args.contacts)),
+        args.contacts,
+        "contact",
+    ):
+        touching.add(outcome)
+    tallies = [tally for tally in (cold, tracked, touching) if tally.answers]
     print("\n\n".join(tally.report(args.seed) for tally in tallies))
     rows = [tally.row() for tally in tallies]
     if args.baselines:
@@ -80,10 +89,10 @@ def _progress(outcomes: Iterator[Outcome], total: int, name: str) -> Iterator[Ou
 
 def _run_one(args: argparse.Namespace) -> int:
     kind, _, index = args.only.partition(":")
-    makers = {"cold": cold_case, "tracked": tracked_case}
+    makers = {"cold": cold_case, "tracked": tracked_case, "contact": contact_case}
     if kind not in makers or not index.isdecimal():
         raise RobustnessError(
-            f"'{args.only}' names no case; give cold:INDEX or tracked:INDEX, as a run prints"
+            f"'{args.only}' names no case; give cold:INDEX, tracked:INDEX or contact:INDEX, as a run prints"
         )
     outcome = run_case(makers[kind](args.seed, int(index), args.tolerance))
     for i, step in enumerate(outcome.steps):
@@ -92,10 +101,15 @@ def _run_one(args: argparse.Namespace) -> int:
         print(
             f"{i:4d}  {found.status.name:13s} twist {found.total_twist:+9.4f}  energy {found.energy:.6g}  "
             f"margin {found.stability_margin:.3g}  error {error:.1e}  iterations {found.iterations:3d}  "
-            f"{1e3 * step.seconds:.2f} ms  {step.fault or ''}"
+            f"{1e3 * step.seconds:.2f} ms  {_touched(found)}{step.fault or ''}"
         )
     print(outcome.fault or "verified" if outcome.steps else outcome.fault)
     return 0 if outcome.passed else 1
+
+
+def _touched(found: Equilibrium) -> str:
+    names = Counter(contact.obstacle for contact in found.contacts)
+    return "".join(f"{name} x {count}  " for name, count in names.items())
 
 
 class RobustnessError(ValueError):
@@ -114,6 +128,7 @@ class Answer:
     gravity_number: float
     chord: float
     """Relative to the length."""
+    touching: bool
 
     @classmethod
     def of(cls, step: Step) -> Answer:
@@ -125,6 +140,7 @@ class Answer:
             step.verification.wrench_error if step.verification and step.verified else np.nan,
             rod.gravity_number,
             float(np.linalg.norm(rod.end[:3] - rod.start[:3]) / rod.length),
+            bool(step.equilibrium.contacts),
         )
 
 
@@ -191,6 +207,7 @@ class Tally:
             f"  wrong                   {len(self.wrong)}",
             "  statuses                "
             + ", ".join(f"{status.name} {count}" for status, count in self.statuses.most_common()),
+            f"  touching something      {sum(answer.touching for answer in self.answers)}",
             f"  wrench error            median {np.median(errors or [np.nan]):.1e}, "
             f"largest {max(errors, default=np.nan):.1e}",
             f"  time                    median {np.median(times):.2f} ms, "

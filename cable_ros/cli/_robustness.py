@@ -25,9 +25,14 @@ def add_parser(benchmarks: argparse._SubParsersAction[Any]) -> None:
     )
     parser.add_argument("--cases", type=int, default=1000, metavar="N", help="cold cases (default 1000)")
     parser.add_argument("--steps", type=int, metavar="N", help="tracked steps (default: as many as cases)")
+    parser.add_argument(
+        "--contacts", type=int, default=0, metavar="N", help="scenes with obstacles, 5 poses each (default 0)"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="which random cases (default 0)")
     parser.add_argument("--tolerance", type=float, default=1e-4, metavar="T", help="asked for (default 1e-4)")
-    parser.add_argument("--only", metavar="KIND:INDEX", help="a single case, such as cold:17 or tracked:3")
+    parser.add_argument(
+        "--only", metavar="KIND:INDEX", help="a single case, such as cold:17, tracked:3 or contact:8"
+    )
     parser.add_argument(
         "--baselines", type=int, default=0, metavar="N", help="also solve the first N cold cases by those"
     )

@@ -5,13 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cable_ros.bench.cases import run_case
+from cable_ros.bench.contact_fuzz import contact_case
 from cable_ros.bench.fuzz import cold_case, tracked_case
 from cable_ros.bench.markdown import MarkdownError, write_between
 from cable_ros.bench.robustness import Tally
+from cable_ros.bench.touching import surfaces
 from cable_ros.cli.main import main
+from cable_ros.scene import load_scene
+from cable_ros.scene.kinematics import Kinematics
 
 ZOO = """
 from cable_ros.bench.cases import Case
@@ -95,3 +100,16 @@ def test_a_page_without_a_place_is_not_touched(tmp_path: Path) -> None:
     with pytest.raises(MarkdownError, match="zoo begins"):
         write_between(page, "zoo", "text")
     assert page.read_text() == "nothing here\n"
+
+
+def test_random_scenes_with_obstacles_keep_the_clamps_clear() -> None:
+    for index in range(20):
+        case = contact_case(5, index, 1e-4)
+        scene = load_scene(case.scene, urdf=case.urdf)
+        kinematics = Kinematics(scene)
+        (cable,) = scene.cables
+        for joints in case.path:
+            q = np.array([joints[name] for name in kinematics.joint_names])
+            for surface in surfaces(scene, kinematics, q, cable.radius).values():
+                for pose in kinematics.poses(q)[0]:
+                    assert surface.signed(pose[:3]) > 0.04 * cable.length
