@@ -18,6 +18,7 @@ from robot import NODE, TIMEOUT, Robot
 from sensor_msgs.msg import JointState
 
 from cable_ros.ros.replay_node import message_class
+from cable_ros.scene.text import parse_yaml
 from cable_ros.share import share_file
 
 JOINTS_ENTRY = f"{NODE[1:]}: joint states"
@@ -111,7 +112,7 @@ class Observer(Robot):
 def arm_scene(folder: Path, **changes: object) -> Path:
     """The arm's scene with other top-level fields, as a file in `folder`."""
     source = share_file("config", "space_arm.yaml")
-    scene = yaml.safe_load(source.read_text())
+    scene = parse_yaml(source.read_text(), str(source))
     scene["robot"] = {"urdf": str(source.with_suffix(".urdf"))}
     scene = {key: value for key, value in (scene | changes).items() if value is not None}
     path = folder / "scene.yaml"
