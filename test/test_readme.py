@@ -41,18 +41,6 @@ def test_commands_run(line, capsys):
     assert capsys.readouterr().out
 
 
-def test_every_command_that_is_shown_is_there():
-    assert COMMANDS
-    from cable_ros.cli.main import _command_names
-
-    assert {line.split()[1] for line in COMMANDS} <= set(_command_names())
-
-
-@pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(([^)#:]+)\)", TEXT))))
-def test_links_lead_somewhere(target):
-    assert (ROOT / target).exists()
-
-
 def test_the_table_of_parameters_is_the_node_s():
     pytest.importorskip("rclpy")
     from cable_ros.ros.parameters import DECLARATIONS

@@ -1,0 +1,57 @@
+"""The pages of docs/: links and scripts that are there, commands that are understood, all pages listed."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from cable_ros.cli import main as frame
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+FILES = [*PAGES, ROOT / "README.md"]
+
+
+def _found(pattern: str, commands: bool = False) -> list[tuple[str, str]]:
+    """(page, match) of all pages, or of the shell commands that they show, each once."""
+    texts = {page.name: page.read_text(encoding="utf-8") for page in FILES}
+    if commands:
+        blocks = r"^```(?:bash|sh|console)\n(.*?)^```"
+        texts = {name: "\n".join(re.findall(blocks, text, re.M | re.S)) for name, text in texts.items()}
+    matches = ((name, match) for name, text in texts.items() for match in re.findall(pattern, text, re.M))
+    return list(dict.fromkeys(matches))
+
+
+@pytest.mark.parametrize(("page", "target"), _found(r"\]\(([^)#:]+)[^)]*\)"))
+def test_links_lead_somewhere(page, target):
+    folder = ROOT if page == "README.md" and "docs/" in target else ROOT / "docs"
+    assert (folder / target).exists() or (ROOT / target).exists()
+
+
+@pytest.mark.parametrize(("page", "script"), _found(r"(?:benchmarks|test|config|cable_ros)/[\w/]+\.\w+"))
+def test_files_that_are_named_are_there(page, script):
+    assert (ROOT / script).exists()
+
+
+@pytest.mark.parametrize(("page", "line"), _found(r"^(cable .*)$", commands=True))
+def test_commands_are_understood(page, line):
+    words = shlex.split(line, comments=True)[1:]
+    module = importlib.import_module(f"cable_ros.cli.{words[0]}")
+    frame._parser({words[0]: module}).parse_args(words)
+
+
+@pytest.mark.parametrize(("page", "line"), _found(r"^ros2 run cable_ros cable_replay (.*)$", commands=True))
+def test_replays_are_understood(page, line):
+    pytest.importorskip("rclpy")
+    from cable_ros.ros.replay_node import parse
+
+    assert parse(shlex.split(line, comments=True)).log
+
+
+def test_every_page_is_listed():
+    listed = set(re.findall(r"\]\((\w+\.md)\)", (ROOT / "docs" / "README.md").read_text()))
+    assert listed == {page.name for page in PAGES} - {"README.md"}
