@@ -27,6 +27,21 @@ def wrenches(F, f, qe, g, force, moment, end_wrench, start_wrench):
         start_wrench[3 + a] = -moment * g[0, a]
 
 
+@njit(**OPTIONS)
+def turn(start, q, out):
+    """Nodal quaternions q (n, 4), turned from the start clamp at `start` (7,) into the world.
+
+    Interpolation is linear in them: so is every quaternion between, turned once and for all.
+    """
+    w, x, y, z = start[6], start[3], start[4], start[5]
+    for i in range(q.shape[0]):
+        a, b, c, d = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        out[i, 0] = w * a - x * b - y * c - z * d
+        out[i, 1] = w * b + x * a + y * d - z * c
+        out[i, 2] = w * c - x * d + y * a + z * b
+        out[i, 3] = w * d + x * c - y * b + z * a
+
+
 @njit(**FAST)
 def polyline(q, h, element, values, weights, quadrature, start, length, out_r, out_q):
     """World points (m, 3) and frames (m, 4) x y z w at the arc lengths that `elements.Sampling` stands for.
@@ -38,15 +53,8 @@ def polyline(q, h, element, values, weights, quadrature, start, length, out_r, o
     order = values.shape[1] - 1
     points = quadrature.shape[0]
     count = element.shape[0]
-    # interpolation is linear in the nodal quaternions: turned into the world before it, not after
-    world = np.empty((4, q.shape[0]))
-    w, x, y, z = start[6], start[3], start[4], start[5]
-    for i in range(q.shape[0]):
-        a, b, c, d = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        world[0, i] = w * a - x * b - y * c - z * d
-        world[1, i] = w * b + x * a + y * d - z * c
-        world[2, i] = w * c - x * d + y * a + z * b
-        world[3, i] = w * d + x * c - y * b + z * a
+    world = np.empty_like(q)
+    turn(start, q, world)
     t = np.empty((3, points))
     r0, r1, r2 = start[0], start[1], start[2]
     at = 0
@@ -57,10 +65,10 @@ def polyline(q, h, element, values, weights, quadrature, start, length, out_r, o
             w, x, y, z = 0.0, 0.0, 0.0, 0.0
             for i in range(order + 1):
                 v = quadrature[k, i]
-                w += v * world[0, first + i]
-                x += v * world[1, first + i]
-                y += v * world[2, first + i]
-                z += v * world[3, first + i]
+                w += v * world[first + i, 0]
+                x += v * world[first + i, 1]
+                y += v * world[first + i, 2]
+                z += v * world[first + i, 3]
             n = step / (w * w + x * x + y * y + z * z)
             t[0, k] = 2.0 * n * (x * z + w * y)
             t[1, k] = 2.0 * n * (y * z - w * x)
@@ -76,10 +84,10 @@ def polyline(q, h, element, values, weights, quadrature, start, length, out_r, o
             w, x, y, z = 0.0, 0.0, 0.0, 0.0
             for i in range(order + 1):
                 v = values[at, i]
-                w += v * world[0, first + i]
-                x += v * world[1, first + i]
-                y += v * world[2, first + i]
-                z += v * world[3, first + i]
+                w += v * world[first + i, 0]
+                x += v * world[first + i, 1]
+                y += v * world[first + i, 2]
+                z += v * world[first + i, 3]
             n = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
             out_q[at, 0], out_q[at, 1], out_q[at, 2], out_q[at, 3] = n * x, n * y, n * z, n * w
             at += 1
@@ -97,28 +105,27 @@ def polyline_anywhere(q, h, s0, nodes, values, primitives, start, length, out_r,
 
     `values`, `primitives`: see `elements.integrals`.
     """
+    world = np.empty_like(q)
+    turn(start, q, world)
     c = np.empty((h.shape[0], values.shape[0] + 1, 3))
-    curve(q, h, values, primitives, c)
+    curve(world, h, values, primitives, c)
     order = nodes.shape[0] - 1
     N, dN = np.empty(order + 1), np.empty(order + 1)
-    r, qs = np.empty(3), np.empty(4)
-    a = np.array([start[6], start[3], start[4], start[5]])
+    r = np.empty(3)
     count = out_r.shape[0]
     for i in range(count):
         s = i / (count - 1)
         position(c, h, s0, s, r)
-        r = quaternion.rotate(a, r)
-        e, x = find_element(s, s0, h)
-        shape(nodes, x, N, dN)
-        size = 0.0
-        for b in range(4):
-            qs[b] = 0.0
-            for j in range(order + 1):
-                qs[b] += N[j] * q[e * order + j, b]
-            size += qs[b] * qs[b]
-        o = quaternion.multiply(a, qs)
-        size = 1.0 / np.sqrt(size)
         for b in range(3):
             out_r[i, b] = start[b] + length * r[b]
-            out_q[i, b] = size * o[b + 1]
-        out_q[i, 3] = size * o[0]
+        e, place = find_element(s, s0, h)
+        shape(nodes, place, N, dN)
+        w, x, y, z = 0.0, 0.0, 0.0, 0.0
+        for j in range(order + 1):
+            v, node = N[j], e * order + j
+            w += v * world[node, 0]
+            x += v * world[node, 1]
+            y += v * world[node, 2]
+            z += v * world[node, 3]
+        n = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
+        out_q[i, 0], out_q[i, 1], out_q[i, 2], out_q[i, 3] = n * x, n * y, n * z, n * w

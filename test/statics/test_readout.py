@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import cumulative_simpson
 from scipy.spatial.transform import Rotation
 
-from cable_ros.mechanics.elements import Mesh, reference_element, sampling
-from cable_ros.statics.readout import polyline
+from cable_ros.mechanics.elements import Mesh, integrals, reference_element, sampling
+from cable_ros.statics.readout import polyline, polyline_anywhere
 
 LENGTH = 0.7
 
@@ -46,3 +46,21 @@ def test_polyline_is_the_integral_of_its_own_tangents(order, lengths, count):
     turned = (frames[picked].inv() * Rotation.from_quat(orientations)).magnitude()
     assert turned == pytest.approx(0.0, abs=1e-7)  # acos near 1 loses half the digits
     assert np.linalg.norm(orientations, axis=1) == pytest.approx(1.0, abs=1e-15 * 4)
+
+
+@pytest.mark.parametrize(("order", "lengths"), [(3, [0.125] * 8), (6, [0.2, 0.35, 0.45])])
+def test_without_tables_the_polyline_is_the_same(order, lengths):
+    mesh, q = rod(order, lengths)
+    start = np.array([0.3, -1.2, 0.5, *Rotation.from_rotvec([0.4, -2.0, 1.1]).as_quat()])
+    table = sampling(mesh, 50)
+    results = [(np.empty((50, 3)), np.empty((50, 4))) for _ in range(2)]
+    polyline(
+        q, mesh.lengths, table.element, table.values, table.weights, table.quadrature,
+        start, LENGTH, *results[0],
+    )  # fmt: skip
+    polyline_anywhere(
+        q, mesh.lengths, mesh.starts, mesh.element.nodes, *integrals(order), start, LENGTH, *results[1]
+    )
+    # the same integrals, but in powers of the place: their coefficients cancel to some 1e-11
+    assert results[1][0] == pytest.approx(results[0][0], abs=1e-10)
+    assert results[1][1] == pytest.approx(results[0][1], abs=1e-12)
