@@ -160,8 +160,10 @@ def wrench_figure(
         figure = Figure(figsize=(1.6 + 6.4 * min(len(wrenches), 3), 6.6), layout="constrained")
         figure.suptitle(title, x=0.02, ha="left", fontsize=12, fontweight="bold")
         grid = figure.subplots(2, len(wrenches), sharex=True, squeeze=False)
+        moment_scale, moment_unit = _moment_unit(
+            np.vstack([wrench[:, 3:] for _, wrench in wrenches.values()])
+        )
         for column, (cable, (values, wrench)) in enumerate(wrenches.items()):
-            moment_scale, moment_unit = _moment_unit(wrench[:, 3:])
             parts = (
                 ("force (N)", "F", wrench[:, :3]),
                 (f"moment ({moment_unit})", "M", wrench[:, 3:] * moment_scale),

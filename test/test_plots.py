@@ -58,6 +58,16 @@ def test_several_cables_have_a_column_each():
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["left", "right", "", ""]
 
 
+def test_all_moments_have_one_unit():
+    """Columns that are compared side by side would otherwise be a thousand apart."""
+    weak, strong = np.full((2, 6), 0.01), np.full((2, 6), 3.0)
+    figure = wrench_figure(
+        Abscissa.of_time(), {"weak": (np.arange(2), weak), "strong": (np.arange(2), strong)}
+    )
+    assert [axes.get_ylabel() for axes in figure.axes[2:]] == ["moment (N m)"] * 2
+    assert figure.axes[2].lines[1].get_ydata() == pytest.approx(weak[:, 3])
+
+
 def test_round_values():
     assert round_values(-90, 90, 7).tolist() == [-90, -60, -30, 0, 30, 60, 90]
     assert round_values(-89.99, 89.99, 7).tolist() == [-90, -60, -30, 0, 30, 60, 90]

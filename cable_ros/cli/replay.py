@@ -89,7 +89,7 @@ def _resolve(logged: LoggedRun, scene: Scene, tolerance: float) -> int:
         pass
     print(f"{logged.name}: {outcome.solves} poses solved again")
     for (cable, clamp), comparison in sorted(outcome.comparisons.items()):
-        print("  " + _line(cable, clamp, comparison, logged.logs[0].start))
+        print("  " + _line(cable, clamp, comparison, logged.logs[0].start, exact=True))
     for caveat in _caveats(logged, outcome):
         print(caveat)
     within = outcome.within(tolerance)
@@ -112,11 +112,11 @@ def _solves(logged: LoggedRun, scene: Scene, outcome: Outcome, own_environment: 
     return tqdm(solves, total=logged.count, desc="solve", unit="pose", disable=None)
 
 
-def _line(cable: str, clamp: str, comparison: Comparison, begin: int) -> str:
-    text = (
-        f"{cable} {clamp}: {comparison.identical} of {comparison.compared} wrenches bit for bit,"
-        f" largest difference {comparison.force:.3g} N and {comparison.moment:.3g} N m"
-    )
+def _line(cable: str, clamp: str, comparison: Comparison, begin: int, exact: bool) -> str:
+    text = f"{cable} {clamp}: "
+    if exact:
+        text += f"{comparison.identical} of {comparison.compared} wrenches bit for bit, "
+    text += f"largest difference {comparison.force:.3g} N and {comparison.moment:.3g} N m"
     if comparison.force:
         text += f" (at {(comparison.worst_time - begin) / 1e9:.3f} s)"
     if comparison.unanswered:
@@ -161,7 +161,7 @@ def _what_if(logged: LoggedRun, scene: Scene, path: Path, folder: Path) -> None:
     without = f", {refused} results that cannot be trusted left out" if refused else ""
     print(f"{folder / f'{stem}.mcap'}: {outcome.solves} poses under {path}{without}")
     for (cable, clamp), comparison in sorted(outcome.comparisons.items()):
-        print("  " + _line(cable, clamp, comparison, logged.logs[0].start))
+        print("  " + _line(cable, clamp, comparison, logged.logs[0].start, exact=False))
     for caveat in _caveats(logged, outcome):
         print(caveat)
     print(f"{picture}: the end wrenches, logged and under {path.stem}, side by side")
