@@ -1,10 +1,10 @@
 """Compiled: the places where the cable touches, and how they change as its shape does.
 
-A contact point is a unilateral constraint gap >= 0 with its multiplier, the normal force. Where the gap has a
-distinct minimum the point sits there, at any arc length: it slides with the shape, and it takes a boundary between
-two elements with it, because the curvature has a kink under a point force. Along a stretch that lies on the surface
-the gap has no distinct minimum: there points stand at fixed arc lengths ("flat"). Units of the cable, start clamp's
-frame.
+Where the gap has a distinct minimum a contact point sits there, at any arc length: a unilateral constraint gap >= 0
+with its multiplier, the normal force. It slides with the shape, and it takes a boundary between two elements with it,
+because the curvature has a kink under a point force. Along a stretch that lies on the surface the gap has no distinct
+minimum: there the samples that are inside are pushed out by stiff springs ("flat" points), so many that together they
+are a pressure. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -12,12 +12,18 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from cable_ros.mechanics.effects.contact_kernels import curve, direction, gap, position, shape
+from cable_ros.mechanics.effects.contact_kernels import curve, direction, find_element, gap, position, shape
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
-CAPACITY = 160
+CAPACITY = 200
 """Contact points at once."""
+SPRING = 1e9
+"""Stiffness of a flat point, EI / L^3: what is pressed with 100 EI / L^2 sinks in by 1e-7 of the length."""
+LYING = 6
+"""So many samples has an element that lies on a surface at most."""
+APART = 2.5
+"""Around a sliding point so many samples are its own."""
 OBSTACLE, PLACE, FLAT, FORCE, FRICTION, HELD, TIE = 0, 1, 2, 3, 4, 7, 10
 """Columns of the contact points (CAPACITY, COLUMNS): obstacle, arc length, 1 for flat, normal force, friction (3), the
 friction of the last equilibrium (3), and the boundary between elements that goes with the point (-1: none)."""
@@ -135,7 +141,10 @@ def place_points(q, h, s0, N, nodes, primitives, c, obstacles, spacing, points, 
         if points[i, TIE] < 0.0 and not tie(points, count, i, h, s0):
             tied = False
             continue
-        if slide(q, h, s0, nodes, int(points[i, TIE]), points[i, PLACE]):
+        slid = slide(q, h, s0, nodes, int(points[i, TIE]), points[i, PLACE])
+        if not slid and tie(points, count, i, h, s0):
+            slid = slide(q, h, s0, nodes, int(points[i, TIE]), points[i, PLACE])
+        if slid:
             curve(q, h, N, primitives, c)
         else:
             points[i, TIE] = -1.0
@@ -181,32 +190,56 @@ def remove(points, count, i):
 
 
 @njit(**OPTIONS)
-def merge(points, count, o, s, reach):
-    """Make the points on obstacle o within `reach` of s one sliding point there with all their force; the count."""
-    total = np.zeros(7)
+def owned(points, count, o, s, reach):
+    """Whether a sliding point on obstacle o is within `reach` of s."""
+    for i in range(count):
+        if points[i, OBSTACLE] == o and points[i, FLAT] == 0.0 and abs(points[i, PLACE] - s) < reach:
+            return True
+    return False
+
+
+@njit(**OPTIONS)
+def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness):
+    """Let the flat points be the samples that are inside an obstacle, with their springs' forces.
+
+    Those that were flat points before keep their friction. Returns (how many have come or gone, count).
+    """
+    scan(c, h, s0, samples, obstacles, phi)
+    changes = 0
+    m = samples.shape[0]
+    known = np.zeros((obstacles.shape[0], m), np.bool_)
     i = 0
     while i < count:
-        if points[i, OBSTACLE] == o and abs(points[i, PLACE] - s) < reach:
-            total += points[i, FORCE : HELD + 3]
-            count = remove(points, count, i)
-        else:
-            i += 1
-    count = add(points, count, o, s, False, 0.0)
-    points[count - 1, FORCE : HELD + 3] = total
-    return count
+        if points[i, FLAT] == 1.0:
+            o, k = int(points[i, OBSTACLE]), int(round(points[i, PLACE] * (m - 1)))
+            if phi[o, k] >= 0.0 or owned(points, count, o, samples[k], APART * spacing):
+                count = remove(points, count, i)
+                changes += 1
+                continue
+            known[o, k] = True
+            points[i, FORCE] = -stiffness * phi[o, k]
+        i += 1
+    for o in range(obstacles.shape[0]):
+        for k in range(1, m - 1):
+            if phi[o, k] < 0.0 and not known[o, k] and not owned(points, count, o, samples[k], APART * spacing):
+                if count < points.shape[0]:
+                    count = add(points, count, o, samples[k], True, 0.0)
+                    points[count - 1, FORCE] = -stiffness * phi[o, k]
+                    changes += 1
+    return changes, count
 
 
 @njit(**OPTIONS)
 def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi, contract):
-    """Change the active set at a solution of the last one: let go what pulls, take in what is deeper than `depth`.
+    """Change the sliding points at a solution with the last ones: let go what pulls, take in what is inside.
 
-    `contract`: whether a stretch of two samples with a minimum between them may become one sliding point.
-    Returns (changed, count).
+    One beside which the curve dips deeper than `depth` becomes a stretch; where `contract` says so, a stretch of one
+    or two samples becomes a sliding point. Returns (changed, count).
     """
     changed = False
     i = 0
     while i < count:
-        if points[i, FORCE] < 0.0:
+        if points[i, FLAT] == 0.0 and points[i, FORCE] < 0.0:
             count = remove(points, count, i)
             changed = True
         else:
@@ -225,70 +258,39 @@ def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth
             value, _, _ = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
             if value >= -depth:
                 continue
-            near, near_flat, stretch = -1, False, 0
+            # a coarse element that lies on the surface touches it here and there: that is no point contact
+            pressed, total = 0, np.zeros(HELD + 3 - FORCE)
+            e, _ = find_element(s, s0, h)
+            reach = max(2.0 * APART * spacing, h[e])
             for i in range(count):
-                if points[i, OBSTACLE] != o:
-                    continue
-                if abs(points[i, PLACE] - s) < 1.01 * spacing:
-                    near = i
-                    near_flat = near_flat or points[i, FLAT] == 1.0
-                if abs(points[i, PLACE] - s) < 2.5 * spacing:
-                    stretch += 1
-            if near < 0:
+                if points[i, OBSTACLE] == o and points[i, FLAT] == 1.0 and abs(points[i, PLACE] - s) < reach:
+                    pressed += 1
+                    total += points[i, FORCE : HELD + 3]
+            if owned(points, count, o, s, APART * spacing):
+                # two minima closer than the samples can tell: the cable begins to lie on the surface
+                i = 0
+                while i < count:
+                    if (points[i, OBSTACLE] == o and points[i, FLAT] == 0.0
+                            and abs(points[i, PLACE] - s) < APART * spacing):  # fmt: skip
+                        count = remove(points, count, i)
+                    else:
+                        i += 1
+                changed = True
+            elif pressed == 0 or (contract and pressed <= 2):
                 count = add(points, count, o, s, False, 0.0)
-                changed = True
-            elif near_flat:
-                if contract and stretch <= 2:
-                    count = merge(points, count, o, s, 2.5 * spacing)
-                    changed = True
-            else:
-                # two minima closer than the samples: the cable begins to lie on the surface
-                low, high = min(s, points[near, PLACE]), max(s, points[near, PLACE])
-                total = points[near, FORCE : HELD + 3].copy()
-                count = remove(points, count, near)
-                before = count
-                for b in range(1, m - 1):
-                    if low - spacing < samples[b] < high + spacing:
-                        count = add(points, count, o, samples[b], True, 0.5 * spacing)
-                for b in range(before, count):
-                    points[b, FORCE : HELD + 3] = total / (count - before)
-                changed = True
-        # samples beside a stretch that have sunk in
-        for k in range(1, m - 1):
-            if phi[o, k] < -depth:
-                beside = False
-                for i in range(count):
-                    if points[i, OBSTACLE] == o and points[i, FLAT] == 1.0:
-                        beside = beside or abs(points[i, PLACE] - samples[k]) < 1.5 * spacing
-                if beside:
-                    before = count
-                    count = add(points, count, o, samples[k], True, 0.5 * spacing)
-                    changed = changed or count > before
-    # a stretch of one sample is a point again
-    for i in range(count):
-        if points[i, FLAT] == 1.0:
-            alone = True
-            for k in range(count):
-                if k != i and points[k, OBSTACLE] == points[i, OBSTACLE]:
-                    alone = alone and abs(points[k, PLACE] - points[i, PLACE]) > 1.5 * spacing
-            if alone:
-                points[i, FLAT] = 0.0
+                points[count - 1, FORCE : HELD + 3] = total
                 changed = True
     return changed, count
 
 
 @njit(**OPTIONS)
-def crowded(points, count, h, s0, spacing):
-    """Whether some element has more flat points than it has freedom for."""
-    for e in range(h.shape[0]):
-        if h[e] <= 3.3 * spacing:
-            continue
-        inside = 0
-        for i in range(count):
-            if points[i, FLAT] == 1.0 and s0[e] <= points[i, PLACE] <= s0[e] + h[e]:
-                inside += 1
-        if inside > 2:
-            return True
+def coarse(points, count, h, s0, spacing):
+    """Whether an element on which a stretch lies is too long to follow the surface between its ends."""
+    for i in range(count):
+        if points[i, FLAT] == 1.0:
+            e, _ = find_element(points[i, PLACE], s0, h)
+            if h[e] > 1.1 * LYING * spacing:
+                return True
     return False
 
 

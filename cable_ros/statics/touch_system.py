@@ -17,7 +17,7 @@ from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_d
 from cable_ros.solve import banded
 from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
-from cable_ros.statics.touch_kernels import FLAT, FORCE, FRICTION, HELD, OBSTACLE, PLACE, crowded, gap_at, place_points, revise
+from cable_ros.statics.touch_kernels import FLAT, FORCE, FRICTION, HELD, OBSTACLE, PLACE, SPRING, coarse, gap_at, place_points, press, revise
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -68,8 +68,8 @@ def part(primitives, k, x):
 def rub(points, i, n, t, mu, model, step, turned, sense, limit):
     """Friction on contact point i after the increment `step` (3,) over the obstacle; writes it to `points`.
 
-    `turned` (3,): the friction before, turned with the obstacle; `sense` (3,): which way the end goes. `limit` (7,)
-    receives the tangent: direction of the slip force (3; zero: stick), direction across it (3), stiffness across.
+    `turned` (3,): the friction before, turned with the obstacle; `sense` (3,): which way the end goes, its length the
+    part of the friction that is mobilised. `limit` (7,) receives the tangent: direction of the slip force (3; zero: stick), direction across it (3), stiffness across.
     """
     for a in range(7):
         limit[a] = 0.0
@@ -78,8 +78,9 @@ def rub(points, i, n, t, mu, model, step, turned, sense, limit):
         side = np.cross(t, n)
         size = np.sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
         way = side[0] * sense[0] + side[1] * sense[1] + side[2] * sense[2]
+        share = np.sqrt(sense[0] ** 2 + sense[1] ** 2 + sense[2] ** 2) * (-1.0 if way > 0.0 else 1.0)
         for a in range(3):
-            limit[a] = 0.0 if way == 0.0 or size == 0.0 else (-side[a] / size if way > 0.0 else side[a] / size)
+            limit[a] = 0.0 if size == 0.0 else share * side[a] / size
             points[i, FRICTION + a] = cone * limit[a]
         return
     trial = np.empty(3)
@@ -228,7 +229,7 @@ def system(
             for j in range(nd):
                 way[a, 3 * first + j] += own[a, j]
         row(V, 3 + i, normals[i], way)
-        delta[3 + i] = 0.0
+        delta[3 + i] = 1.0 / SPRING if points[i, FLAT] == 1.0 else 0.0
         lines[3 + i] = normals[i]
         begin = rows
         upto[3 + i] = e
@@ -345,12 +346,14 @@ def touch(
     F_new[:] = F
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
     total, rows, size = 0, 0, 0.0
-    lift, moved = True, False
+    lift, moved, convex = True, False, True
     for revision in range(40):
         converged = False
         for iteration in range(25):
+            changes = 0
             if not lift:
                 moved = not place_points(q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count)
+                changes, count = press(c, h, s0, samples, spacing, obstacles, points, count, phi, SPRING)
             else:
                 curve(q_new, h, N, primitives, c)
             rows, same = system(
@@ -362,15 +365,13 @@ def touch(
                 convex = border_factor(
                     elastic, geometric, 0.0, order, A, U, pivots, V, delta, rows, 3 + count, Y, S
                 )
-                if not convex and not lift and model == FRICTIONLESS:
-                    return NOT_CONVEX, total, count, rows, moved
             else:
                 skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S)
             b[:] = 0.0
             for a in range(3):
                 b[a] = totals[a] - re[a]
             for i in range(count):
-                b[3 + i] = gaps[i]
+                b[3 + i] = gaps[i] + points[i, FORCE] * delta[3 + i]
             if lift:
                 end_coupling(elastic, geometric, V, rows, theta, gv, b)
             border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)
@@ -389,15 +390,16 @@ def touch(
                 change = max(change, abs(y[a]))
             for i in range(count):
                 points[i, FORCE] += y[3 + i]
-                change = max(change, abs(y[3 + i]))
+                if points[i, FLAT] == 0.0:
+                    change = max(change, abs(y[3 + i]))
             new = max(new, change / scale)
             if not lift:
                 total += 1
                 rate = min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1
-                if new * rate <= tolerance or new < 1e-13:
+                if changes == 0 and (new * rate <= tolerance or new < 1e-13):
                     converged = True
                     break
-                if iteration > 8 and new > 0.5 * size and model == FRICTIONLESS:
+                if iteration > 12 and new > 0.5 * size and model == FRICTIONLESS:
                     return NOT_CONTRACTING, total, count, rows, moved
             lift = False
             size = new
@@ -405,10 +407,12 @@ def touch(
             return NOT_CONTRACTING, total, count, rows, moved
         changed, count = revise(
             q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi,
-            revision < 12,
+            revision < 6,
         )  # fmt: skip
         if not changed:
-            moved = moved or crowded(points, count, h, s0, spacing)
+            moved = moved or coarse(points, count, h, s0, spacing)
+            if not convex and model == FRICTIONLESS:
+                return NOT_CONVEX, total, count, rows, moved
             system(
                 q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h, old_s0,
                 old_obstacles, sense, model, points, count, gaps, normals,

@@ -15,6 +15,8 @@ from cable_ros.statics.search import Conditions, Found, settle
 
 SHORTEST = 1e-4
 """Smallest part of a joint step, in rad of the section that turns most, before the branch counts as ended."""
+MOST_FALLS = 20
+"""A way with more falls than this is none."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -60,7 +62,7 @@ def walk(
     A step is halved until the warm-started solve converges from it. Where even the smallest does not, the cable
     descends from there to the next stable equilibrium at fixed ends (`fall`).
     """
-    at, iterations = 0.0, 0
+    at, iterations, falls = 0.0, 0, 0
     snaps: list[Snap] = []
     while at < 1.0:
         target = min(1.0, at + step)
@@ -79,6 +81,9 @@ def walk(
         if not rod.refactor(q, F):
             return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
         if code != compiled.TOO_FAR and step * 0.5 < SHORTEST:
+            falls += 1
+            if falls > MOST_FALLS:
+                return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
             shape = rod.mesh.interpolate(q, GRID)
             fallen = fall(rod, q, F, path(min(1.0, at + step)))
             if fallen is None:
