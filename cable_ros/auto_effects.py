@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cable_ros.effects import ALL, properties, wanted
+from cable_ros.effects import properties, wanted
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.scene import Cable, Kinematics, Scene
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 PART = 0.1
 """What is left out may change the end wrench by this part of the tolerance, all together."""
-GROWN = 2.0
-"""Its size is measured again when its dimensionless number has grown so many times ..."""
-TURNED = 0.3
-"""... or when some section has turned by so much since, rad."""
+GROWN, TURNED = 2.0, 0.3
+"""That is measured again when the end wrench has grown or shrunk so many times, or some section has turned by
+so much, rad; sooner where the last measure left less than a factor ROOM to the limit."""
+ROOM = 1e3
 UNREMOVED = ("contact", "friction")
 """Never left out: they cost next to nothing while nothing touches, and nothing tells when something will."""
 
@@ -34,8 +34,8 @@ class Choice:
     change: float
     """Relative change of the end wrench that it makes, all together, when last measured."""
     tolerance: float
-    sizes: dict[str, float]
-    """Dimensionless sizes of what is left out, when last measured."""
+    size: float
+    """Of the end wrench then, in units of the cable."""
     shape: np.ndarray
     """(n, 4) nodal frames then."""
     note: str = field(default="")
@@ -65,28 +65,28 @@ def review(
     if choice is not None:
         if not choice.left_out:
             return False
-        sizes = _sizes(scene, cable, follower, choice.left_out, found)
-        if not _outgrown(choice, sizes, follower.q):
+        if not _outgrown(choice, follower.size(found.end_wrench), follower.q):
             return False
         full = _wrench(follower, scene, cable, kinematics, index, ())
         change = np.inf if full is None else follower.difference(found.end_wrench, full)
         if change <= PART * follower.tolerance:
-            follower.choice = _choice(follower, choice.left_out, change, sizes)
+            follower.choice = _choice(follower, choice.left_out, change, found)
             return False
         _take_all_in(follower, scene, cable, kinematics, index)
         if follower.rod is None:
             return True  # the next solve looks for the branch, and chooses
     left_out, change = _measure(follower, scene, cable, kinematics, index)
-    follower.choice = _choice(follower, left_out, change, _sizes(scene, cable, follower, left_out, found))
+    follower.choice = _choice(follower, left_out, change, found)
     if left_out:
         remaining = properties(scene, cable, _others(scene, cable, left_out), follower.environment)
         follower.become(remaining, kinematics.poses, index)
     return bool(left_out) or choice is not None
 
 
-def _choice(follower: Follower, left_out: tuple[str, ...], change: float, sizes: dict[str, float]) -> Choice:
+def _choice(follower: Follower, left_out: tuple[str, ...], change: float, found: Equilibrium) -> Choice:
     note = f" Left out: {', '.join(left_out)} (changes the end wrench by {change:.1g})." if left_out else ""
-    return Choice(left_out, change, follower.tolerance, sizes, follower.q, note)
+    size = follower.size(found.end_wrench)
+    return Choice(left_out, change, follower.tolerance, size, follower.q, note)
 
 
 def _measure(
@@ -136,18 +136,14 @@ def _take_all_in(follower: Follower, scene: Scene, cable: Cable, kinematics: Kin
     follower.become(properties(scene, cable, environment=follower.environment), kinematics.poses, index)
 
 
-def _sizes(
-    scene: Scene, cable: Cable, follower: Follower, names: Iterable[str], found: Equilibrium
-) -> dict[str, float]:
-    force = float(np.linalg.norm(found.end_wrench[:3]))
-    return {e.NAME: e.size(scene, cable, follower.environment, force) for e in ALL if e.NAME in names}
-
-
-def _outgrown(choice: Choice, sizes: dict[str, float], q: np.ndarray) -> bool:
-    """Whether the sizes, or the shape, are no longer those that were measured."""
-    if any(sizes[name] > GROWN * choice.sizes[name] for name in choice.left_out):
-        return True
+def _outgrown(choice: Choice, size: float, q: np.ndarray) -> bool:
+    """Whether the end wrench or the shape is no longer like that of the last measure."""
     if q.shape != choice.shape.shape:
         return True
+    limit = PART * choice.tolerance
+    room = np.log(max(limit / max(choice.change, 1e-300), 1.0)) / np.log(ROOM)
+    careful = min(1.0, room)
+    if abs(np.log(size / choice.size)) > careful * np.log(GROWN):
+        return True
     alike = np.abs(np.einsum("na,na->n", q, choice.shape)).min()
-    return bool(alike < np.cos(0.5 * TURNED))
+    return bool(alike < np.cos(0.5 * careful * TURNED))

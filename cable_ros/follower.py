@@ -296,6 +296,11 @@ class Follower:
         unit = np.repeat([self._units.force, self._units.moment], 3)
         return relative_change((found - expected) / unit, expected / unit, Rod.least)
 
+    def size(self, wrench: np.ndarray) -> float:
+        """Magnitude of a wrench (6,), SI, in units of the cable."""
+        return float(np.hypot(np.linalg.norm(wrench[:3]) / self._units.force,
+                              np.linalg.norm(wrench[3:]) / self._units.moment)) + Rod.least  # fmt: skip
+
     def wrenches(self, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
         """(6,), (6,): what the cable exerts at its end and at its start at present, SI, in the clamps' frames."""
         end, start, unit = np.empty(6), np.empty(6), self._units

@@ -107,6 +107,11 @@ class Tracker:
                 follower.become(new, self.kinematics.poses, i)
                 follower.choice = None
 
+    @property
+    def left_out(self) -> dict[str, tuple[str, ...]]:
+        """By cable: the effects that `effects: auto` leaves out at present."""
+        return {f.name: f.choice.left_out for f in self._followers if f.choice is not None}
+
     def _prepare(self, index: int) -> None:
         auto_effects.prepare(self._followers[index], self.scene, self.scene.cables[index], self.kinematics, index)
 
