@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import textwrap
 from collections.abc import Iterable, Sequence
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,6 +15,46 @@ MOST_VALUES = 10_000_000  # of one range; more is a mistyped step
 
 class CommandError(Exception):
     """A command cannot do what was asked; the text is one sentence that says why."""
+
+
+def add_command(
+    subparsers: argparse._SubParsersAction[Any], name: str, summary: str, description: str, epilog: str
+) -> argparse.ArgumentParser:
+    """A subcommand with its one-line summary, its description, and its examples as they are written."""
+    return cast(
+        "argparse.ArgumentParser",
+        subparsers.add_parser(
+            name,
+            help=summary,
+            description=textwrap.fill(description, 90),
+            epilog=epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        ),
+    )
+
+
+def add_pose(parser: argparse.ArgumentParser) -> None:
+    """SCENE, and --joint for each of its joints."""
+    parser.add_argument("scene", metavar="SCENE", help="scene file (YAML)")
+    parser.add_argument(
+        "--joint",
+        metavar="NAME=VALUE",
+        type=named_quantity,
+        action="append",
+        default=[],
+        help="joint value, rad or m; 30deg for degrees; once for each joint",
+    )
+
+
+def add_tolerance(parser: argparse.ArgumentParser) -> None:
+    """--tolerance of the tracker."""
+    parser.add_argument(
+        "--tolerance",
+        metavar="T",
+        type=relative_tolerance,
+        default=1e-4,
+        help="relative error of the end wrench that is acceptable (default 1e-4)",
+    )
 
 
 def quantity(text: str) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cable_ros.cli._arguments import joint_values, named_quantity
+from cable_ros.cli._arguments import add_command, add_pose, joint_values
 from cable_ros.cli.solve import as_json, engineering
 
 if TYPE_CHECKING:
@@ -23,23 +23,15 @@ finds it."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "branches",
-        help="the stable equilibria of one pose",
-        description="List the stable equilibria that a search finds at one pose, and draw them. They differ "
+        "the stable equilibria of one pose",
+        "List the stable equilibria that a search finds at one pose, and draw them. They differ "
         "by turns of twist and by the side to which the cable loops; a real cable shows one of them.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        EXAMPLE,
     )
-    parser.add_argument("scene", metavar="SCENE", help="scene file (YAML)")
-    parser.add_argument(
-        "--joint",
-        metavar="NAME=VALUE",
-        type=named_quantity,
-        action="append",
-        default=[],
-        help="joint value, rad or m; 30deg for degrees; once for each joint",
-    )
+    add_pose(parser)
     parser.add_argument(
         "--out",
         metavar="FILE",

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_ros.cli._arguments import CommandError
+from cable_ros.cli._arguments import CommandError, add_command
 
 EXAMPLE = """example:
   cable demo --out demo
@@ -33,13 +33,13 @@ STOP_TIMEOUT = 15.0  # s
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "demo",
-        help="run the paper's arm live and log it",
-        description="Start the cable node on the paper's arm, turn its orientation joint from -90 to\n"
+        "run the paper's arm live and log it",
+        "Start the cable node on the paper's arm, turn its orientation joint from -90 to "
         "90 deg with real joint states, and draw what the log then holds.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        EXAMPLE,
     )
     parser.add_argument("--out", metavar="DIR", type=Path, default=Path("demo"), help="folder (default demo)")
 

@@ -9,7 +9,7 @@ import math
 import sys
 from typing import TYPE_CHECKING, Any
 
-from cable_ros.cli._arguments import joint_values, named_quantity, relative_tolerance
+from cable_ros.cli._arguments import add_command, add_pose, add_tolerance, joint_values
 from cable_ros.cli.solve import engineering
 
 if TYPE_CHECKING:

@@ -7,6 +7,8 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cable_ros.cli._arguments import add_command
+
 if TYPE_CHECKING:
     from cable_ros.log.reader import LogReader
     from cable_ros.log.recover import Recovery
@@ -20,28 +22,28 @@ A log is called '.mcap.part' until it is finished; one that keeps that name was 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `cable log` and its two commands."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "log",
-        help="look into a log, or recover one that was cut off",
-        description="Look into a log of the cable node, or recover one whose writer was killed.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "look into a log, or recover one that was cut off",
+        "Look into a log of the cable node, or recover one whose writer was killed.",
+        EXAMPLE,
     )
     actions = parser.add_subparsers(title="actions", dest="action", metavar="ACTION", required=True)
-    info = actions.add_parser(
+    info = add_command(
+        actions,
         "info",
-        help="print what a log holds",
-        description="Print the topics, times and facts that a log holds.",
-        epilog="example:\n  cable log info space_arm.mcap",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "print what a log holds",
+        "Print the topics, times and facts that a log holds.",
+        "example:\n  cable log info space_arm.mcap",
     )
     info.add_argument("log", metavar="FILE", type=Path, help="finished log (.mcap)")
-    recover = actions.add_parser(
+    recover = add_command(
+        actions,
         "recover",
-        help="save what is whole into a new, indexed file",
-        description="Save every whole chunk of a log that was cut off into a new file with an index.",
-        epilog="example:\n  cable log recover space_arm.mcap.part",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "save what is whole into a new, indexed file",
+        "Save every whole chunk of a log that was cut off into a new file with an index.",
+        "example:\n  cable log recover space_arm.mcap.part",
     )
     recover.add_argument("log", metavar="FILE", type=Path, help="log that was cut off; it is left as it is")
     recover.add_argument(

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cable_ros.cli._arguments import add_command
+
 if TYPE_CHECKING:
     from cable_ros.log.history import History
     from cable_ros.plots import Abscissa, Shape
@@ -26,12 +28,12 @@ SHAPES = 7
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "plot",
-        help="pictures of a logged run",
-        description="Draw a log of the cable node: the cables' shapes and the end wrenches.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "pictures of a logged run",
+        "Draw a log of the cable node: the cables' shapes and the end wrenches.",
+        EXAMPLE,
     )
     parser.add_argument("log", metavar="LOG", type=Path, help="log of the node (MCAP)")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder of the pictures (default: the log's)")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cable_ros.cli._arguments import CommandError
+from cable_ros.cli._arguments import CommandError, add_command
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,12 +36,12 @@ MOST_SAMPLES = 20_000  # in the picture
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `cable replay`."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "replay",
-        help="solve a logged run again and compare",
-        description="Feed a log's joint states to its own scene, or to another, and compare every wrench.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "solve a logged run again and compare",
+        "Feed a log's joint states to its own scene, or to another, and compare every wrench.",
+        EXAMPLE,
     )
     parser.add_argument("log", metavar="LOG", type=Path, nargs="+", help="log, or all files of a split one")
     parser.add_argument("--resolve", action="store_true", help="compare with the logged wrenches")

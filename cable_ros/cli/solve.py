@@ -9,7 +9,7 @@ import math
 import sys
 from typing import TYPE_CHECKING, Any
 
-from cable_ros.cli._arguments import joint_values, named_quantity, relative_tolerance
+from cable_ros.cli._arguments import add_command, add_pose, add_tolerance, joint_values
 
 if TYPE_CHECKING:
     from cable_ros.equilibrium import Equilibrium
@@ -24,29 +24,15 @@ PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n", 3: "k", 6: "M"}
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "solve",
-        help="the equilibrium at one pose",
-        description="Solve each cable of a scene at one pose of the robot, and print what it does there.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "the equilibrium at one pose",
+        "Solve each cable of a scene at one pose of the robot, and print what it does there.",
+        EXAMPLE,
     )
-    parser.add_argument("scene", metavar="SCENE", help="scene file (YAML)")
-    parser.add_argument(
-        "--joint",
-        metavar="NAME=VALUE",
-        type=named_quantity,
-        action="append",
-        default=[],
-        help="joint value, rad or m; 30deg for degrees; once for each joint",
-    )
-    parser.add_argument(
-        "--tolerance",
-        metavar="T",
-        type=relative_tolerance,
-        default=1e-4,
-        help="relative error of the end wrench that is acceptable (default 1e-4)",
-    )
+    add_pose(parser)
+    add_tolerance(parser)
     parser.add_argument("--json", action="store_true", help="print JSON with the field names of Equilibrium")
 
 

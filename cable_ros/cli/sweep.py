@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cable_ros.cli._arguments import check_joints, named_range, process_count, relative_tolerance
+from cable_ros.cli._arguments import add_command, add_tolerance, check_joints, named_range, process_count
 
 if TYPE_CHECKING:
     from cable_ros.scene import Scene
@@ -34,15 +34,15 @@ POSES_PER_PROCESS = 10_000  # fewer are solved before another process has starte
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "sweep",
-        help="many poses and parameters, to CSV, Parquet or MCAP",
-        description="Solve the product of joint ranges and scene variations, over all cores.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "many poses and parameters, to CSV, Parquet or MCAP",
+        "Solve the product of joint ranges and scene variations, over all cores.",
+        EXAMPLE,
     )
     parser.add_argument("scene", metavar="SCENE", help="scene file (YAML)")
-    ranges = {"type": named_range, "action": "append", "default": []}
+    ranges: dict[str, Any] = {"type": named_range, "action": "append", "default": []}
     parser.add_argument(
         "--joint",
         metavar="NAME=START:STOP:STEP",
@@ -53,13 +53,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument(
         "--out", metavar="FILE", type=Path, required=True, help="table (.csv, .parquet) or log (.mcap)"
     )
-    parser.add_argument(
-        "--tolerance",
-        metavar="T",
-        type=relative_tolerance,
-        default=1e-4,
-        help="of the end wrench (default 1e-4)",
-    )
+    add_tolerance(parser)
     parser.add_argument(
         "--jobs", metavar="N", type=process_count, help="processes (default: one for each core)"
     )
