@@ -15,6 +15,7 @@ import numpy as np
 import zoo_checks as checks
 from references import planar, spatial
 from scipy.spatial.transform import Rotation
+from zoo_contact import CONTACT
 from zoo_make import ARM, SKEW, arm, cable, exact, led, solved, turned, without_hint
 
 from cable_ros.bench.carriage import on_carriage
@@ -394,4 +395,5 @@ CASES: tuple[Case, ...] = (
     *buckling(),
     *folds(),
     *joint_motion(),
+    *CONTACT,
 )

@@ -119,6 +119,63 @@ def snaps(at_least: int, at_most: int = 1000) -> Check:
     return check
 
 
+def touched(*names: str) -> Check:
+    """Something is touched along the path; every obstacle that is named."""
+
+    def check(steps: list[Step]) -> str | None:
+        met = {contact.obstacle for step in steps for contact in step.equilibrium.contacts}
+        if not met:
+            return "nothing was touched"
+        missed = set(names) - met
+        return f"{', '.join(sorted(missed))} was not touched" if missed else None
+
+    return check
+
+
+def retraced(tolerance: float = 3e-4) -> Check:
+    """The path comes back as it went: the same wrench at the same pose, touching there or not."""
+
+    def check(steps: list[Step]) -> str | None:
+        for step in steps:
+            for other in steps:
+                if step is other or np.any(step.rod.end != other.rod.end):
+                    continue
+                off = _difference(step, other)
+                if off > tolerance:
+                    return f"two visits of one pose differ by {off:.1e}"
+                if bool(step.equilibrium.contacts) != bool(other.equilibrium.contacts):
+                    return "at one pose it touches on one visit and not on the other"
+        return None
+
+    return check
+
+
+def closed_loop(period: int, tolerance: float = 3e-4) -> Check:
+    """The last `period` poses repeat those before, and so must the wrenches: state and all."""
+
+    def check(steps: list[Step]) -> str | None:
+        worst = max(_difference(a, b) for a, b in zip(steps[-period:], steps[-2 * period :], strict=False))
+        return None if worst <= tolerance else f"the loop does not close: {worst:.1e}"
+
+    return check
+
+
+def as_in_small_steps(degrees: float) -> Check:
+    """The last pose of the arm has the wrench of a tracker that walks there from the first in small steps."""
+
+    def check(steps: list[Step]) -> str | None:
+        scene = steps[0].scene
+        assert scene is not None
+        small = Tracker(scene)
+        start, end = (math.degrees(_arm_angle(step)) for step in (steps[0], steps[-1]))
+        for angle in np.linspace(start, end, 1 + math.ceil(abs(end - start) / degrees)):
+            (true,) = small.solve({"orientation": math.radians(angle)}).values()
+        off = relative_difference(steps[-1].equilibrium.end_wrench, true.end_wrench, steps[-1].rod)
+        return None if off <= 3e-4 else f"the wrench is {off:.1e} off that of small steps"
+
+    return check
+
+
 def as_small(steps: list[Step]) -> str | None:
     """Every pose of the arm has the wrench that a tracker finds that walks there in steps of 2 degrees."""
     small = Tracker(load_scene(ARM))

@@ -68,6 +68,7 @@ class Step:
     """Wall time of the whole call."""
     fault: str | None
     """Why the answer is wrong; None: verified, or reported as not to be trusted."""
+    scene: Scene | None = None
 
     @property
     def verified(self) -> bool:
@@ -176,7 +177,7 @@ def solve_step(tracker: Tracker, scene: Scene, kinematics: Kinematics, joints: P
         else:
             trusted = answers[name].status.trusted
             verification, fault = None, "trusted without usable joints" if trusted else None
-        steps.append(Step(answers[name], rod, verification, seconds, fault))
+        steps.append(Step(answers[name], rod, verification, seconds, fault, scene))
     return steps
 
 

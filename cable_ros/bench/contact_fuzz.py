@@ -31,10 +31,11 @@ def contact_case(seed: int, index: int, tolerance: float, steps: int = STEPS) ->
         cable["outer_diameter"] = float(length * 10 ** rng.uniform(-3, -1.5))
     mapping["friction_model"] = "coulomb" if rng.random() < 0.7 else "sliding"
     mapping["obstacles"] = []
+    down = np.array(mapping["gravity"]) / max(float(np.linalg.norm(mapping["gravity"])), 1e-300)
     count = int(rng.integers(1, 4))
     while len(mapping["obstacles"]) < count:
         name = f"obstacle_{len(mapping['obstacles'])}"
-        one = {"name": name, **_shape(rng, ends, length), "friction": _friction(rng)}
+        one = {"name": name, **_shape(rng, ends, length, down), "friction": _friction(rng)}
         if min(_clearance(mapping, one, ends)) > CLEAR * length:
             mapping["obstacles"].append(one)
     if any("box" in one or "cylinder" in one for one in mapping["obstacles"]):
@@ -73,10 +74,14 @@ def _friction(rng: np.random.Generator) -> float:
     return 0.0 if rng.random() < 0.5 else float(rng.uniform(0.05, 0.8))
 
 
-def _shape(rng: np.random.Generator, ends: list[np.ndarray], length: float) -> dict[str, Any]:
-    """An obstacle about where the cable hangs: between the clamps, within a third of its length."""
-    middle = ends[0] + rng.uniform(0.0, 1.0) * (ends[1] - ends[0])
-    center = middle + 0.35 * length * rng.normal(size=3) / np.sqrt(3.0)
+def _shape(
+    rng: np.random.Generator, ends: list[np.ndarray], length: float, down: np.ndarray
+) -> dict[str, Any]:
+    """An obstacle about where the cable hangs: near a parabola between the clamps."""
+    x = rng.uniform(0.1, 0.9)
+    slack = np.sqrt(length**2 - float(np.sum((ends[1] - ends[0]) ** 2)))
+    middle = ends[0] + x * (ends[1] - ends[0]) + 1.6 * x * (1.0 - x) * slack * down
+    center = middle + 0.2 * length * rng.normal(size=3) / np.sqrt(3.0)
     size = length * 10 ** rng.uniform(-1.5, -0.5)
     way = rng.normal(size=3)
     way /= np.linalg.norm(way)
@@ -85,7 +90,7 @@ def _shape(rng: np.random.Generator, ends: list[np.ndarray], length: float) -> d
         return {"sphere": {"center": center.tolist(), "radius": float(size)}}
     if kind == "plane":
         # below both clamps, seen along its normal
-        point = min(ends, key=lambda end: float(way @ end)) - rng.uniform(CLEAR, 0.4) * length * way
+        point = min(ends, key=lambda end: float(way @ end)) - rng.uniform(CLEAR, 0.2) * length * way
         return {"plane": {"point": point.tolist(), "normal": way.tolist()}}
     if kind == "box":
         edges = size * 2.0 ** rng.uniform(-1.5, 1.5, 3)

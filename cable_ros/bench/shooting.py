@@ -206,6 +206,7 @@ def newton_step(
         answers = [nodes(solve(column.ravel())) for column in columns]
         system = np.array([[np.vdot(line, answer) for answer in answers] for line in lines])
         right = [np.vdot(line, delta) + touch[2] for line, touch in zip(lines, touches, strict=True)]
-        pushes = np.linalg.solve(system, right)
+        # touches too close to each other, or a clamp's own: what cannot be told apart is shared
+        pushes = np.linalg.lstsq(system, right, rcond=1e-12)[0]
         delta = delta - np.tensordot(pushes, np.array(answers), 1)
     return delta * scale, pushes
