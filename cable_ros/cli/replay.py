@@ -90,7 +90,7 @@ def _resolve(logged: LoggedRun, scene: Scene, tolerance: float) -> int:
     print(f"{logged.name}: {outcome.solves} poses solved again")
     for (cable, clamp), comparison in sorted(outcome.comparisons.items()):
         print("  " + _line(cable, clamp, comparison, logged.logs[0].start, exact=True))
-    for caveat in _caveats(logged, outcome):
+    for caveat in _caveats(logged, outcome) + ([] if outcome.within(0.0) else _differences(logged)):
         print(caveat)
     within = outcome.within(tolerance)
     asked = f"{'within' if within else 'beyond'} the tolerance {tolerance:g}"
@@ -131,12 +131,25 @@ def _caveats(logged: LoggedRun, outcome: Outcome) -> list[str]:
     if not outcome.fresh:
         lines.append("The log begins in the middle of a run: its first solve was warm, this one was cold.")
     if outcome.gaps:
-        lines.append(f"{outcome.gaps} solves are missing: they were dropped because the disk was too slow.")
+        lines.append(
+            f"{outcome.gaps} solves are missing: a slow disk had them dropped, or the log was damaged."
+        )
     if outcome.environments:
         lines.append(
             "The environment is the scene's own; the temperatures and doses of the log were left out."
         )
     return lines
+
+
+def _differences(logged: LoggedRun) -> list[str]:
+    """Why the bits may differ: what was another machine or version."""
+    from cable_ros.log.host import host_facts
+
+    then, now = logged.logs[0].metadata.get("host", {}), host_facts()
+    other = [
+        f"{key} {then[key]}, here {now[key]}" for key in sorted({*then} & {*now}) if then[key] != now[key]
+    ]
+    return [f"The log is of another machine or version: {'; '.join(other)}."] if other else []
 
 
 def _what_if(logged: LoggedRun, scene: Scene, path: Path, folder: Path) -> None:

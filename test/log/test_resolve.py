@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from pathlib import Path
 
 import numpy as np
@@ -181,7 +182,9 @@ def test_dropped_solves_are_reported(tmp_path):
 
 
 def test_the_command_says_how_far_off_a_wrench_is(tmp_path, capsys):
-    node = FakeNode(tmp_path / "run.mcap")
+    node = FakeNode(
+        tmp_path / "run.mcap", metadata={"host": {"python": "2.7", "machine": platform.machine()}}
+    )
     for i, angle in enumerate(ANGLES):
         node.solve(float(angle), alter=1e-5 if i == 17 else 0.0)
     node.close()
@@ -191,6 +194,7 @@ def test_the_command_says_how_far_off_a_wrench_is(tmp_path, capsys):
     assert "camera_cable end: 39 of 40 wrenches bit for bit, largest difference 1.73e-05 N" in printed
     assert "(at 0.018 s)" in printed
     assert "camera_cable start: 40 of 40 wrenches bit for bit" in printed
+    assert f"of another machine or version: python 2.7, here {platform.python_version()}." in printed
     assert "not the same bit for bit" in printed
     # A moment of some mN m, off by 1e-5 sqrt(3) N m.
     assert main(["replay", path, "--resolve", "--tolerance", "0.01"]) == 0
