@@ -87,16 +87,15 @@ class StretchingRod(Rod):
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         q_new, F_new = np.empty_like(q), np.empty(3)
-        code, iterations, turned = advance_stretching(
+        code, iterations, self.drift = advance_stretching(
             q, F, qe, re, f, self.K, self.natural, self.compliance, self.h, self.s0, self.tables,
             self.elastic, self.geometric, self.parts, self.C, self.reach,
             self.A, self.L, self.pivots, self.Y, self.S,
-            self.acc, self.g, self.radial, self.totals, self.stretch, tolerance, limit, q_new, F_new,
+            self.acc, self.g, self.radial, self.totals, self.stretch,
+            tolerance, limit, self.drift, REFRESH, q_new, F_new,
         )  # fmt: skip
         if code == compiled.ADVANCED:
             self.set_conditions(qe, re, f)
-        # the factors are always new; estimate and margin are asked for anew where drift is zero
-        self.drift = self.drift + turned if self.drift + turned <= REFRESH else 0.0
         return code, iterations, q_new, F_new
 
     def minimum(

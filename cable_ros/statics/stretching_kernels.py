@@ -65,9 +65,12 @@ def stretch_factor(elastic, geometric, C, reach, mu, order, A, L, pivots, Y, S):
 def advance_stretching(
     q, F, qe, re, f, K, kappa0, compliance, h, s0, tables,
     elastic, geometric, parts, C, reach, A, L, pivots, Y, S, acc, g, radial, totals, stretch,
-    tolerance, limit, q_new, F_new,
+    tolerance, limit, drift, refresh, q_new, F_new,
 ):  # fmt: skip
-    """As `compiled.advance`, with new factors at every correction. Returns (code, iterations, turned)."""
+    """As `compiled.advance`; the end force's relative change ages the factors as a section's turn does.
+
+    What a taut cable answers to its force hardly shows in its shape.
+    """
     order = tables[0].shape[1] - 1
     n = 3 * q.shape[0]
     gv = g.reshape(n)
@@ -76,17 +79,20 @@ def advance_stretching(
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
     q_new[:] = q
     F_new[:] = F
-    left = last_size = np.inf
-    turned = 0.0
-    for iteration in range(20):
+    size, rate = 0.0, 0.0
+    fresh = False
+    for iteration in range(16):  # the first one predicts
+        renew = rate > 0.15 or (iteration == 1 and (drift > refresh or size > 0.5 * refresh))
         stretch_linearize(
             q_new, F_new, f, K, kappa0, compliance, h, s0, tables,
-            elastic, geometric, parts, C, reach, acc, g, radial, totals, stretch, iteration > 0,
+            elastic, geometric, parts, C, reach, acc, g, radial, totals, stretch, renew,
         )  # fmt: skip
-        if iteration > 0 and not stretch_factor(elastic, geometric, C, reach, 0.0, order, A, L, pivots, Y, S):
-            return NOT_CONVEX, iteration, turned
-        if left <= tolerance:
-            return ADVANCED, iteration - 1, turned
+        if iteration > 1 and size * rate <= tolerance:
+            return ADVANCED, iteration - 1, drift
+        if renew:
+            if not stretch_factor(elastic, geometric, C, reach, 0.0, order, A, L, pivots, Y, S):
+                return NOT_CONVEX, iteration, drift
+            fresh, drift = True, 0.0
         for a in range(3):
             c[a] = totals[a] - re[a]
         if iteration == 0:
@@ -96,10 +102,8 @@ def advance_stretching(
             for k in range(3):
                 s[n - 3 + k] = theta[k]
         moved = largest(s)
-        if iteration == 0:
-            turned = moved
         if not moved <= limit:
-            return TOO_FAR, iteration, turned
+            return TOO_FAR, iteration, drift
         quaternion.retract(q_new, s, q_new)
         close(q_new, qe)
         force, change = 1e-3, 0.0
@@ -108,12 +112,14 @@ def advance_stretching(
             force = max(force, abs(F_new[a]))
             change = max(change, abs(dF[a]))
         new = max(change / force, moved)
-        if iteration > 2 and not new <= 0.5 * last_size:
-            return NOT_CONTRACTING, iteration, turned
-        # Newton's method squares what is left; the predictor is no correction yet
-        left = new * new if iteration > 0 else np.inf
-        last_size = new
-    return NOT_CONTRACTING, iteration, turned
+        if iteration == 0:
+            drift += new
+        else:
+            if iteration > 1 and fresh and not new <= 0.5 * size:
+                return NOT_CONTRACTING, iteration, drift
+            rate = max(min(new / size, 1.0) if iteration > 1 else 0.0, drift, 1e-3)
+        size = new
+    return NOT_CONTRACTING, iteration, drift
 
 
 @njit(**OPTIONS)
