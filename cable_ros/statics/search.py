@@ -18,6 +18,8 @@ AIM, ACCEPT = 0.1, 0.7
 """A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
 TAUT = 0.999
 """A cable that stretches is looked for straight first where its chord is longer than this part of its length."""
+SEARCH = 1e-2
+"""Tolerance of contact while a search is on: how finely a touching stretch is held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +114,14 @@ def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
 
 def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:
     """The equilibrium on a mesh whose estimated error is at most `accept` * tolerance, if one is found; and that error."""
-    estimate = found.rod.relative_error(found.q, found.F)
     iterations = found.iterations
+    if isinstance(found.rod, TouchingRod) and found.rod.tolerance != tolerance:
+        closer = settle(found.rod.variant(tolerance=tolerance), found.q, found.F)
+        if closer is None:
+            return found, np.inf
+        found = closer
+        iterations += closer.iterations
+    estimate = found.rod.relative_error(found.q, found.F)
     for _ in range(8):
         if estimate <= accept * tolerance:
             break
@@ -152,7 +160,7 @@ def equilibria(
         elif conditions.obstacles is None:
             rod = Rod(mesh, stiffness, natural)
         else:
-            rod = TouchingRod(mesh, stiffness, natural, tolerance)
+            rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
         one = settle(rod, q, np.zeros(3), Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8))
         if one is None:

@@ -16,8 +16,11 @@ from cable_ros.mechanics.effects.contact_kernels import curve, direction, find_e
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
-CAPACITY = 200
+CAPACITY = 240
 """Contact points at once."""
+FINE = 16
+"""About the ends of a stretch there are so many samples for one elsewhere: where it lifts off decides the wrench."""
+MOST_SAMPLES = 2400
 SPRING = 1e9
 """Stiffness of a flat point, EI / L^3: what is pressed with 100 EI / L^2 sinks in by 1e-7 of the length."""
 LYING = 6
@@ -199,6 +202,86 @@ def owned(points, count, o, s, reach):
 
 
 @njit(**OPTIONS)
+def grid(points, count, cells, samples):
+    """Where contact is looked for: `cells` equal parts of the length, finer about the ends of stretches.
+
+    Writes to `samples` (MOST_SAMPLES,), rising; returns their number.
+    """
+    spacing = 1.0 / cells
+    fine = np.zeros(cells, np.bool_)
+    for i in range(count):
+        if points[i, FLAT] != 1.0:
+            continue
+        first, last = True, True
+        for k in range(count):
+            if k != i and points[k, FLAT] == 1.0 and points[k, OBSTACLE] == points[i, OBSTACLE]:
+                d = points[k, PLACE] - points[i, PLACE]
+                first = first and not -1.5 * spacing < d < 0.0
+                last = last and not 0.0 < d < 1.5 * spacing
+        at = int(points[i, PLACE] * cells + 1e-9)
+        if first and at > 1:
+            for k in range(max(0, at - 2), min(cells, at + 2)):
+                fine[k] = True
+        if last and at < cells - 1:
+            for k in range(max(0, at - 1), min(cells, at + 3)):
+                fine[k] = True
+    m = 0
+    for k in range(cells):
+        parts = FINE if fine[k] and m + FINE + cells < samples.shape[0] else 1
+        for j in range(parts):
+            samples[m] = (k + j / parts) / cells
+            m += 1
+    samples[m] = 1.0
+    return m + 1
+
+
+@njit(**OPTIONS)
+def within(points, count, samples, spacing):
+    """Whether all ends of stretches lie where the samples are fine."""
+    for i in range(count):
+        if points[i, FLAT] != 1.0:
+            continue
+        s = points[i, PLACE]
+        if s < 1.5 * spacing or s > 1.0 - 1.5 * spacing:
+            continue
+        first, last = True, True
+        for k in range(count):
+            if k != i and points[k, FLAT] == 1.0 and points[k, OBSTACLE] == points[i, OBSTACLE]:
+                d = points[k, PLACE] - s
+                first = first and not -1.5 * spacing < d < 0.0
+                last = last and not 0.0 < d < 1.5 * spacing
+        if not first and not last:
+            continue
+        k = find_sample(samples, s)
+        if first and k > 0 and samples[k] - samples[k - 1] > 0.5 * spacing:
+            return False
+        if last and k + 1 < samples.shape[0] and samples[k + 1] - samples[k] > 0.5 * spacing:
+            return False
+    return True
+
+
+@njit(**OPTIONS)
+def find_sample(samples, s):
+    """The index of the sample at s; -1: there is none."""
+    k = np.searchsorted(samples, s - 1e-12)
+    return k if k < samples.shape[0] and abs(samples[k] - s) < 1e-11 else -1
+
+
+@njit(**OPTIONS)
+def share(points, count, reach):
+    """Give the newest flat point the part of its force in friction that its nearest neighbour within `reach` has."""
+    new = count - 1
+    best, distance = -1, reach
+    for i in range(new):
+        d = abs(points[i, PLACE] - points[new, PLACE])
+        if points[i, OBSTACLE] == points[new, OBSTACLE] and points[i, FLAT] == 1.0 and d < distance:
+            best, distance = i, d
+    if best >= 0 and points[best, FORCE] > 0.0:
+        for a in range(FRICTION, HELD + 3):
+            points[new, a] = points[best, a] * points[new, FORCE] / points[best, FORCE]
+
+
+@njit(**OPTIONS)
 def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness):
     """Let the flat points be the samples that are inside an obstacle, with their springs' forces.
 
@@ -211,8 +294,8 @@ def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness):
     i = 0
     while i < count:
         if points[i, FLAT] == 1.0:
-            o, k = int(points[i, OBSTACLE]), int(round(points[i, PLACE] * (m - 1)))
-            if phi[o, k] >= 0.0 or owned(points, count, o, samples[k], APART * spacing):
+            o, k = int(points[i, OBSTACLE]), find_sample(samples, points[i, PLACE])
+            if k < 0 or phi[o, k] >= 0.0 or owned(points, count, o, samples[k], APART * spacing):
                 count = remove(points, count, i)
                 changes += 1
                 continue
@@ -225,6 +308,7 @@ def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness):
                 if count < points.shape[0]:
                     count = add(points, count, o, samples[k], True, 0.0)
                     points[count - 1, FORCE] = -stiffness * phi[o, k]
+                    share(points, count, 1.5 * spacing)
                     changes += 1
     return changes, count
 

@@ -17,7 +17,7 @@ from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_d
 from cable_ros.solve import banded
 from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
-from cable_ros.statics.touch_kernels import FLAT, FORCE, FRICTION, HELD, OBSTACLE, PLACE, SPRING, coarse, gap_at, place_points, press, revise
+from cable_ros.statics.touch_kernels import FLAT, FORCE, FRICTION, HELD, OBSTACLE, MOST_SAMPLES, PLACE, SPRING, coarse, gap_at, grid, place_points, press, revise, within
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -319,8 +319,8 @@ def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S
 
 @njit(**OPTIONS)
 def touch(
-    q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, samples, spacing,
-    obstacles, old_obstacles, sense, model, points, count, gaps, normals, phi,
+    q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, cells,
+    obstacles, old_obstacles, sense, model, points, count, gaps, normals,
     elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
     tolerance, depth, limit, q_new, F_new,
 ):  # fmt: skip
@@ -336,6 +336,10 @@ def touch(
     gv = g.reshape(n)
     s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
     elements = h.shape[0]
+    spacing = 1.0 / cells
+    buffer = np.empty(MOST_SAMPLES)
+    samples = buffer[: grid(points, count, cells, buffer)]
+    phi = np.empty((obstacles.shape[0], MOST_SAMPLES))
     c = np.empty((elements, gauss.shape[0] + 1, 3))
     old_c = np.empty_like(c)
     curve(q, h, N, primitives, old_c)
@@ -409,6 +413,9 @@ def touch(
             q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi,
             revision < 6,
         )  # fmt: skip
+        if not within(points, count, samples, spacing):
+            samples = buffer[: grid(points, count, cells, buffer)]
+            changed = changed or revision < 8
         if not changed:
             moved = moved or coarse(points, count, h, s0, spacing)
             if not convex and model == FRICTIONLESS:

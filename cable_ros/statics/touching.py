@@ -50,7 +50,7 @@ class TouchingRod(Rod):
         self.tolerance = tolerance
         # penetration far below 1e-6 at the default tolerance, above the rounding of positions
         self.depth = float(np.clip(1e-5 * tolerance, 1e-12, 1e-8))
-        self.spacing, self.samples = 1.0, np.zeros(0)
+        self.cells, self.spacing, self.samples = 1, 1.0, np.zeros(0)
         self.model = FRICTIONLESS
         self.sense = np.zeros(3)
         self.points = np.zeros((CAPACITY, COLUMNS))
@@ -79,32 +79,33 @@ class TouchingRod(Rod):
             self.obstacles = obstacles
 
     def _sample(self, obstacles: int) -> None:
-        """Choose where contact is looked for: as finely as the tolerance asks, and so that weight sags little between.
-
-        Measured on a cable lying on the ground: it dips by up to 0.1 weight spacing^4 where it lifts off.
-        """
+        """Choose where contact is looked for: as finely as the tolerance asks, and so that weight sags little between."""
         weight = float(np.linalg.norm(self.f))
-        dip = 1e-6 * (self.tolerance / 1e-4) ** 0.5
-        cells = max(50.0 * (1e-4 / self.tolerance) ** 0.125, (0.1 * weight / dip) ** 0.25)
-        count = int(np.clip(np.ceil(cells), 24, CAPACITY - 10))
-        self.spacing = 1.0 / count
-        self.samples = np.linspace(0.0, 1.0, count + 1)
-        self.phi = np.zeros((obstacles, count + 1))
+        sag = 5e-7 * (self.tolerance / 1e-4) ** 0.5
+        self.cells = int(np.clip(np.ceil((weight / (384.0 * sag)) ** 0.25), 40, 150))
+        self.spacing = 1.0 / self.cells
+        self.samples = np.linspace(0.0, 1.0, self.cells + 1)
+        self.phi = np.zeros((obstacles, self.cells + 1))
 
     def variant(
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None, natural: np.ndarray | None = None,
-        scale: float = 1.0,
+        scale: float = 1.0, tolerance: float | None = None,
     ) -> TouchingRod:  # fmt: skip
         new = TouchingRod(
             self.mesh if mesh is None else mesh,
             self.K if stiffness is None else stiffness,
             self.natural if natural is None else natural,
-            self.tolerance,
+            self.tolerance if tolerance is None else tolerance,
         )
         new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
         new.model, new.sense = self.model, self.sense
         new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
         new.points[:, FORCE : HELD + 3] /= scale
+        if len(new.samples) != len(self.samples):
+            # flat points stand at samples: what slides stays
+            new.points = new.points[: new.count][new.points[: new.count, FLAT] == 0.0]
+            new.count = len(new.points)
+            new.points = np.vstack([new.points, np.zeros((CAPACITY - new.count, COLUMNS))])
         if mesh is not None:
             new.points[:, TIE] = -1.0
         return new
@@ -224,8 +225,8 @@ class TouchingRod(Rod):
         try:
             code, iterations, self.count, self.rows, moved = touch(
                 q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
-                self.primitives, self.samples, self.spacing, obstacles, self.obstacles, self.sense, self.model,
-                self.points, self.count, self.gaps, self.normals, self.phi,
+                self.primitives, self.cells, obstacles, self.obstacles, self.sense, self.model,
+                self.points, self.count, self.gaps, self.normals,
                 self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W, self.delta,
                 self.lines, self.upto, self.borders, self.complement, self.acc, self.g, self.radial, self.totals,
                 tolerance, self.depth, limit, q_new, F_new,
