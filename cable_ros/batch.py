@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import multiprocessing
 import os
@@ -20,6 +21,9 @@ from cable_ros.tracker import Tracker
 
 CHUNK = 64
 """Poses that one process solves in a row. Fixed, so that the number of processes changes no result."""
+
+_SAME_WRENCH = 0.005  # part of the end wrench by which results of one branch may differ
+_SAME_TWIST = 0.1  # rad
 
 SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -84,8 +88,10 @@ def solve_many(
     """Equilibria along a path of poses.
 
     The first pose is solved cold. The path is walked in strides of `CHUNK` poses, each cable staying on its
-    branch, and from each of these its stretch of the path is tracked pose by pose. So the result is that of
-    a tracker led along the path, and does not depend on `workers`.
+    branch, and from each of these its stretch of the path is tracked pose by pose; where it then arrives at
+    another branch than the stride (it has snapped on the way), the next stretch starts from there. With
+    friction the whole path is one stretch. So the result is that of a tracker led along the path, and does
+    not depend on `workers`.
 
     Args:
         scene: the scene.
@@ -122,32 +128,61 @@ def solve_paths(
     Yields:
         The index of the job and the next chunk of one of its paths.
     """
-    pending: deque[tuple[int, Future[Batch]]] = deque()
+    pending: deque[tuple[int, _Chunk, Future[_Done]]] = deque()
+    before: _Done | None = None
     with _pool(workers) as submit:
+
+        def first() -> tuple[int, Batch]:
+            nonlocal before
+            index, chunk, future = pending.popleft()
+            done = future.result()
+            arrival = before.arrival if before is not None else None
+            if before is not None and arrival is not None and not _agree(chunk.job, arrival, done.batch):
+                # What lies between two strides has changed the branch: go on from where the path came.
+                chunk = dataclasses.replace(chunk, state=before.state)
+                done = submit(_solve_chunk, chunk).result()
+            before = done
+            return index, done.batch
+
         for index, (scene, paths) in enumerate(jobs):
             for chunk in _chunks(_Job(next(_numbers), scene, tolerance, polyline_points, stiffness), paths):
-                pending.append((index, submit(_solve_chunk, *chunk)))
+                pending.append((index, chunk, submit(_solve_chunk, chunk)))
                 while len(pending) > 4 * workers:  # enough to keep every process busy
-                    done, batch = pending.popleft()
-                    yield done, batch.result()
+                    yield first()
         while pending:
-            done, batch = pending.popleft()
-            yield done, batch.result()
+            yield first()
 
 
-def _chunks(job: _Job, paths: Sequence[np.ndarray]) -> Iterator[tuple[_Job, Any, np.ndarray]]:
-    """The chunks of the paths, each with the state of a tracker that has come to its first pose."""
+def _chunks(job: _Job, paths: Sequence[np.ndarray]) -> Iterator[_Chunk]:
+    """The chunks of the paths, each with the state of a tracker that has come to its first pose.
+
+    Where friction makes the result depend on the whole way, a path is one chunk.
+    """
     scout = Tracker(job.scene, job.tolerance, 2)
+    friction = any(obstacle.friction for obstacle in job.scene.obstacles)
     start: Any = None
     for path in paths:
         poses = _as_poses(path, scout.joint_names)
         if start is not None:
             scout.restore(start)
-        for begin in range(0, len(poses), CHUNK):
+        stride = len(poses) if friction else CHUNK
+        for begin in range(0, len(poses), stride):
             scout.solve(dict(zip(scout.joint_names, poses[begin].tolist(), strict=True)))
             if begin == 0:
                 start = scout.snapshot()
-            yield job, scout.snapshot(), poses[begin : begin + CHUNK]
+            end = begin + stride
+            yield _Chunk(job, scout.snapshot(), poses[begin:end], poses[end : end + 1])
+
+
+def _agree(job: _Job, arrival: Batch, batch: Batch) -> bool:
+    """Whether the first pose of `batch` is on the branches on which the path arrives there."""
+    per_length = np.array([[1.0] * 3 + [1.0 / cable.length] * 3 for cable in job.scene.cables])
+    ours, theirs = arrival.end_wrench[0] * per_length, batch.end_wrench[0] * per_length
+    size = np.linalg.norm(ours, axis=1) + np.linalg.norm(theirs, axis=1)
+    far = np.linalg.norm(ours - theirs, axis=1) > max(_SAME_WRENCH, job.tolerance) * size
+    turned = np.abs(arrival.total_twist[0] - batch.total_twist[0]) > _SAME_TWIST
+    # NaN, where neither is trusted, is not far.
+    return not (far | turned | (arrival.trusted[0] != batch.trusted[0])).any()
 
 
 def concatenate(batches: Sequence[Batch]) -> Batch:
@@ -173,15 +208,42 @@ class _Job:
     stiffness: bool
 
 
+@dataclass(frozen=True)
+class _Chunk:
+    """Poses (m, n) to solve in a row from a tracker's state, and the pose after them (0 or 1, n)."""
+
+    job: _Job
+    state: Any
+    poses: np.ndarray
+    after: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Done:
+    """A chunk's results, and where the path arrives then."""
+
+    batch: Batch
+    arrival: Batch | None
+    state: Any
+
+
 _latest: tuple[int, Tracker] | None = None  # the tracker of the job that this process worked at last
 
 
-def _solve_chunk(job: _Job, state: Any, poses: np.ndarray) -> Batch:
+def _solve_chunk(chunk: _Chunk) -> _Done:
     global _latest
+    job = chunk.job
     if _latest is None or _latest[0] != job.number:
         _latest = job.number, Tracker(job.scene, job.tolerance, job.polyline_points)
     tracker = _latest[1]
-    tracker.restore(state)
+    tracker.restore(chunk.state)
+    batch = _solve_row(job, tracker, chunk.poses)
+    if not len(chunk.after):
+        return _Done(batch, None, None)
+    return _Done(batch, _solve_row(job, tracker, chunk.after), tracker.snapshot())
+
+
+def _solve_row(job: _Job, tracker: Tracker, poses: np.ndarray) -> Batch:
     names = tracker.joint_names
     rows = [tracker.solve(dict(zip(names, pose, strict=True))) for pose in poses.tolist()]
     cables = tuple(cable.name for cable in job.scene.cables)
@@ -208,7 +270,7 @@ def _as_poses(path: np.ndarray, names: Sequence[str]) -> np.ndarray:
 
 
 @contextlib.contextmanager
-def _pool(workers: int) -> Iterator[Callable[..., Future[Batch]]]:
+def _pool(workers: int) -> Iterator[Callable[..., Future[_Done]]]:
     """Gives the function that has a chunk solved: here for one worker, else by that many processes."""
     if workers <= 1:
         yield _solve_here
@@ -232,7 +294,7 @@ def _pool(workers: int) -> Iterator[Callable[..., Future[Batch]]]:
                 os.environ[name] = value
 
 
-def _solve_here(function: Callable[..., Batch], *arguments: Any) -> Future[Batch]:
-    future: Future[Batch] = Future()
+def _solve_here(function: Callable[..., _Done], *arguments: Any) -> Future[_Done]:
+    future: Future[_Done] = Future()
     future.set_result(function(*arguments))
     return future

@@ -6,9 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from references import planar
+from zoo_make import led
 
 from cable_ros import Status, Tracker, load_scene
 from cable_ros.batch import CHUNK, Batch, solve_many, solve_paths
+from cable_ros.bench.cases import case_scene
 from cable_ros.share import share_file
 
 
@@ -43,6 +46,35 @@ def test_it_is_what_a_tracker_finds(arm):
 def test_the_number_of_processes_changes_no_bit(arm):
     angles = np.radians(np.linspace(-90, 90, 2 * CHUNK + 5))
     assert _equal(solve_many(arm, angles, workers=1), solve_many(arm, angles, workers=2))
+
+
+def _as_tracked(scene, poses: np.ndarray, batch: Batch) -> None:
+    """The batch is what a tracker finds that is led along the path."""
+    tracker = Tracker(scene, polyline_points=2)
+    for i, pose in enumerate(poses):
+        (found,) = tracker.solve(dict(zip(tracker.joint_names, pose, strict=True))).values()
+        # Twice the tolerance, as above, of force and moment together.
+        apart = np.linalg.norm(batch.end_wrench[i, 0] - found.end_wrench)
+        assert apart < 4e-4 * np.linalg.norm(found.end_wrench)
+
+
+def test_what_snaps_within_a_stride_stays_snapped():
+    """An arch is turned beyond its fold and most of the way back while the stride does not look."""
+    yaw = np.radians([*np.linspace(-20, 60, 33), *np.linspace(60, 0, CHUNK - 33), *np.linspace(0, 10, 8)])
+    case = led("arch", "", planar.buckled(1.0, 1.0, 0.9).scene(), [{"yaw": angle} for angle in yaw])
+    scene = case_scene(case)
+    poses = np.array([[pose[name] for name in Tracker(scene).joint_names] for pose in case.path])
+    batch = solve_many(scene, poses)
+    assert (batch.status == Status.SNAPPED).sum() == 1
+    _as_tracked(scene, poses, batch)
+    assert _equal(batch, solve_many(scene, poses, workers=2))
+
+
+def test_friction_remembers_the_whole_way():
+    ball = load_scene(share_file("config", "space_arm_sphere.yaml"))
+    there = np.radians(np.arange(20.0, 70.0, 1.0))
+    poses = np.concatenate([there, there[::-1]])[:, None]
+    _as_tracked(ball, poses, solve_many(ball, poses))
 
 
 def test_a_path_starts_where_the_one_before_it_started(arm):
