@@ -28,8 +28,10 @@ BLOCK = 10
 """Consecutive poses that one method solves before the next has its turn."""
 TIGHTEST = 1e-11
 """Tolerance of the tracker that leads the references along the branch."""
-TIGHT = 1e-8
-"""The same where that tracker is the reference itself."""
+TIGHT = 1e-9
+"""The same where that tracker is the reference itself; a hundredth of what is then measured against it."""
+PATIENCE = 3
+"""After so many failures from its start on a method is asked no more: solve_bvp can take seconds for each."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,10 @@ class Row:
     """Poses that the method itself calls failed; they count in the times, not in the errors."""
 
 
+class NoEquilibrium(ValueError):
+    """The path has nothing to measure."""
+
+
 class Bench:
     """Measures one scene along one path of its joints; rows come as they are done.
 
@@ -99,6 +105,9 @@ class Bench:
         path: (m, n_joints) joint values in the order of `Tracker.joint_names`, in small steps.
         size: how much to measure.
         tick: called with a few words after every solve or block of solves.
+
+    Raises:
+        NoEquilibrium: from `rows`, where the path's first pose has none.
     """
 
     def __init__(self, scene: Scene, path: np.ndarray, size: Size, tick: Callable[[str], None]) -> None:
@@ -134,6 +143,12 @@ class Bench:
         ours = [OurTracker(self.scene, tolerance) for tolerance in size.tolerances]
         if not self.plain:
             size = replace(size, bvp_tolerances=(), parts=())
+            ours = [method for method in ours if method.setting >= 100 * TIGHT]
+        if poses[0].reference is None:
+            raise NoEquilibrium(
+                f"no equilibrium is found at the path's first pose, {poses[0].joints}; "
+                "give a path that the cable can follow with --joint NAME=START:STOP:STEP"
+            )
         theirs = [SolveBvp(tolerance) for tolerance in size.bvp_tolerances]
         methods: list[Method] = [*ours, *theirs, *(Published(parts) for parts in size.parts)]
         yield from self.warm("warm", methods, poses)
@@ -164,7 +179,7 @@ class Bench:
         """The default tolerance at ever larger joint steps, to and fro between the ends of the path."""
         ends = self.whole[0], self.whole[-1]
         reach = float(np.max(np.abs(ends[1] - ends[0]), initial=0.0))
-        for part in STEPS:
+        for part in STEPS if reach > 0 else ():
             count = min(self.size.poses, 120)
             fraction = 1 - np.abs(1 - np.mod(part * np.arange(count), 2))  # a triangle wave from 0 to 1
             path = ends[0] + fraction[:, None] * (ends[1] - ends[0])
@@ -232,7 +247,8 @@ class Bench:
             method.settle(poses[0])
         for begin in range(0, len(poses), BLOCK):
             for method, done in zip(methods, outcomes, strict=True):
-                done += [method.warm(pose) for pose in poses[begin : begin + BLOCK]]
+                if not _hopeless(done):
+                    done += [method.warm(pose) for pose in poses[begin : begin + BLOCK]]
                 self.tick(panel)
         for method, done in zip(methods, outcomes, strict=True):
             yield _row(panel, method, poses, done)
@@ -241,7 +257,8 @@ class Bench:
         outcomes: list[list[Outcome]] = [[] for _ in methods]
         for pose in poses:
             for method, done in zip(methods, outcomes, strict=True):
-                done.append(method.cold(pose))
+                if not _hopeless(done):
+                    done.append(method.cold(pose))
                 self.tick("cold")
         for method, done in zip(methods, outcomes, strict=True):
             yield _row("cold", method, poses, done)
@@ -261,11 +278,15 @@ def write_csv(path: Path, rows: Sequence[Row], facts: Mapping[str, str]) -> None
             writer.writerow(f"{value:.4g}" if isinstance(value, float) else value for value in values)
 
 
+def _hopeless(outcomes: Sequence[Outcome]) -> bool:
+    return len(outcomes) >= PATIENCE and not any(np.isfinite(one.wrenches).all() for one in outcomes)
+
+
 def _row(panel: str, method: Method, poses: Sequence[Pose], outcomes: Sequence[Outcome]) -> Row:
-    """The median over the poses that count."""
-    counted = any(pose.counts for pose in poses)
-    outcomes = [done for pose, done in zip(poses, outcomes, strict=True) if pose.counts or not counted]
-    poses = [pose for pose in poses if pose.counts or not counted]
+    """Over the poses that were tried and count; over all that were tried where none does."""
+    tried = list(zip(poses, outcomes, strict=False))
+    counted = [(pose, outcome) for pose, outcome in tried if pose.counts] or tried
+    poses, outcomes = zip(*counted, strict=True)
     errors = [
         relative_wrench_error(wrench, reference.end_wrench)
         for pose, outcome in zip(poses, outcomes, strict=True)

@@ -48,3 +48,34 @@ def test_every_joint_goes_from_end_to_end_by_default():
     assert path.shape == (361, 2)
     assert path[0] == pytest.approx(np.radians([-90, -90]))
     assert np.diff(path, axis=0) == pytest.approx(np.radians(0.5))
+
+
+def test_a_path_without_equilibrium_is_one_sentence(tmp_path, capsys):
+    scene = tmp_path / "short.yaml"
+    scene.write_text(
+        "cables: [{name: a, length: 0.1, stiffness: [1e-3, 1e-3, 1e-3], linear_density: 0.1,\n"
+        "  start: {position: [0, 0, 0], orientation: [0, 0, 0, 1]},\n"
+        "  end: {position: [0.2, 0, 0], orientation: [0, 0, 0, 1]}}]\n"
+        "gravity: [0, 0, -9.8]\n"
+    )
+    assert main(["bench", "precision", str(scene), "--quick", "--out", str(tmp_path)]) == 2
+    err = capsys.readouterr().err
+    assert "no equilibrium is found at the path's first pose" in err
+
+
+def test_a_scene_without_joints_and_one_with_obstacles(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(precision, "QUICK", TINY)
+    fixed = tmp_path / "fixed.yaml"
+    fixed.write_text(
+        "cables: [{name: a, length: 0.4, stiffness: [1.0e-3, 1.0e-3, 1.0e-3], linear_density: 0.1,\n"
+        "  start: {position: [0, 0, 0], orientation: [0, 0, 0, 1]},\n"
+        "  end: {position: [0.2, 0.1, 0.05], orientation: [0, 0, 0, 1]}}]\n"
+        "gravity: [0, 0, -9.8]\n"
+        "obstacles: [{name: ball, sphere: {center: [5, 5, 5], radius: 0.1}}]\n"
+    )
+    assert main(["bench", "precision", str(fixed), "--quick", "--out", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "solve_bvp" not in out
+    assert "\nstep " not in out
+    assert "the baselines do not know" in out
+    assert (tmp_path / "precision.png").exists()
