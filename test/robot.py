@@ -133,8 +133,11 @@ class Robot:
 
     def stop(self) -> None:
         """Interrupt the node, which must end cleanly."""
-        for _ in range(20):  # what is still on its way
-            self.executor.spin_once(timeout_sec=0.02)
+        heard = -1
+        while heard != sum(self.heard.values()):  # what is still on its way
+            heard = sum(self.heard.values())
+            for _ in range(25):
+                self.executor.spin_once(timeout_sec=0.02)
         self.process.send_signal(signal.SIGINT)
         output, _ = self.process.communicate(timeout=TIMEOUT)
         assert self.process.returncode == 0, output
