@@ -68,7 +68,10 @@ def review(
         if not _outgrown(choice, follower.size(found.end_wrench), follower.q):
             return False
         full = _wrench(follower, scene, cable, kinematics, index, ())
-        change = np.inf if full is None else follower.difference(found.end_wrench, full)
+        if full is None:  # not to be followed from here, as friction may have it: better a later measure than a lost branch
+            follower.choice = _choice(follower, choice.left_out, choice.change, found)
+            return False
+        change = follower.difference(found.end_wrench, full)
         if change <= PART * follower.tolerance:
             follower.choice = _choice(follower, choice.left_out, change, found)
             return False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
@@ -74,9 +74,13 @@ class Equilibrium:
     iterations: int
     solve_time: float
     """Wall time of this solve, s."""
-    contacts: tuple[Contact, ...] = ()
-    """Where it touches, by rising arc length."""
     _tangent: Callable[[], np.ndarray] | None = field(default=None, repr=False, compare=False)
+    _touching: Callable[[], tuple[Contact, ...]] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Where it touches obstacles, by rising arc length; read off when first asked for."""
+        return () if self._touching is None else self._touching()
 
     @cached_property
     def clamp_stiffness(self) -> np.ndarray:
@@ -102,7 +106,8 @@ class Equilibrium:
         return self.clamp_stiffness[6:, 6:]
 
     def as_dict(self) -> dict[str, Any]:
-        """All public fields and `stiffness` by name."""
+        """All public fields, `contacts` (as mappings) and `stiffness` by name."""
         out = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
+        out["contacts"] = [asdict(contact) for contact in self.contacts]
         out["stiffness"] = self.stiffness
         return out

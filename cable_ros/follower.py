@@ -8,8 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from scipy.spatial.transform import Rotation
-
+from cable_ros.contacts import contacts
 from cable_ros.auto_effects import Choice
 from cable_ros.equilibrium import Contact, Equilibrium
 from cable_ros.mechanics import quaternion
@@ -25,7 +24,6 @@ from cable_ros.statics.readout import polyline_anywhere
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.stretching import StretchingRod
 from cable_ros.statics.saddle import NEUTRAL
-from cable_ros.statics.touch_kernels import FORCE, FRICTION, HELD, OBSTACLE, PLACE
 from cable_ros.statics.touch_system import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.touching import TouchingRod
 from cable_ros.statics.units import Units, relative, relative_change
@@ -277,7 +275,7 @@ class Follower:
             status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
             end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
             total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment, error_estimate=self._estimate,
-            iterations=iterations, solve_time=time.perf_counter() - begin, contacts=self._contacts(rod, poses[0]),
+            iterations=iterations, solve_time=time.perf_counter() - begin, _touching=self._touching(rod, poses[0]),
             _tangent=partial(_tangent, rod, rod.qe, rod.re, rod.f, self._q, self._F, unit),
         )  # fmt: skip
 
@@ -307,23 +305,14 @@ class Follower:
         compiled.wrenches(self._F, rod.f + rod.held, rod.qe, rod.g, unit.force, unit.moment, end, start)
         return end, start
 
-    def _contacts(self, rod: Rod, start: np.ndarray) -> tuple[Contact, ...]:
-        if not isinstance(rod, TouchingRod) or not rod.count:
-            return ()
-        turn = Rotation.from_quat(start[3:]).as_matrix()
-        out = []
-        for point, normal in zip(rod.points[: rod.count], rod.normals[: rod.count], strict=True):
-            friction = point[FRICTION:HELD]
-            cone = rod.obstacles[int(point[OBSTACLE]), 17] * point[FORCE] if rod.model != FRICTIONLESS else 0.0
-            out.append(Contact(
-                obstacle=self._names[int(point[OBSTACLE])],
-                arc_length=float(point[PLACE]) * self._units.length,
-                position=start[:3] + self._units.length * turn @ rod.position(point[PLACE]),
-                normal=turn @ normal,
-                force=self._units.force * turn @ (point[FORCE] * normal + friction),
-                sliding=bool(cone > 0.0 and np.linalg.norm(friction) > (1.0 - 1e-9) * cone),
-            ))  # fmt: skip
-        return tuple(sorted(out, key=lambda contact: contact.arc_length))
+    def _touching(self, rod: Rod, start: np.ndarray) -> Callable[[], tuple[Contact, ...]] | None:
+        """What reads the contacts off once it is called; from copies: the tracker moves on."""
+        if not isinstance(rod, TouchingRod) or not rod.count or self._obstacles is None:
+            return None
+        coefficients = self._obstacles[:, 17] if rod.model != FRICTIONLESS else np.zeros(len(self._obstacles))
+        points, normals = rod.points[: rod.count].copy(), rod.normals[: rod.count].copy()
+        curve = rod.c.copy(), rod.h.copy(), rod.s0.copy()
+        return partial(contacts, points, normals, curve, coefficients, self._names, start.copy(), self._units)
 
     def _polyline(self, rod: Rod, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         points, orientations = np.empty((self.polyline_points, 3)), np.empty((self.polyline_points, 4))

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cable_ros.mechanics.effects.contact_kernels import curve
-from cable_ros.statics.touch_kernels import FORCE, press
+from cable_ros.statics.touch_kernels import FLAT, FORCE, OBSTACLE, PLACE, TIE, press
 from cable_ros.statics.touch_system import FRICTIONLESS
 
 if TYPE_CHECKING:
     from cable_ros.statics.touching import TouchingRod
+LONGEST_POINT = 3
+"""So many samples inside an obstacle side by side are taken for a point, more for a stretch."""
 
 
 class Softened:
@@ -60,3 +62,23 @@ class Softened:
         rod = self.rod
         V = rod.V[3 : rod.rows]
         return rod.apply_hessian(s) + (V @ s / rod.delta[3 : rod.rows]) @ V
+
+    def harden(self, x: np.ndarray) -> bool:
+        """Where all stretches at x are short, make each a sliding point with all its force; whether they are."""
+        rod = self.rod
+        self._press(x)
+        pressed = rod.points[: rod.count]
+        new: list[np.ndarray] = []
+        for o in np.unique(pressed[:, OBSTACLE]):
+            rows = pressed[pressed[:, OBSTACLE] == o]
+            rows = rows[np.argsort(rows[:, PLACE])]
+            for stretch in np.split(rows, np.flatnonzero(np.diff(rows[:, PLACE]) > 1.5 * rod.spacing) + 1):
+                if len(stretch) > LONGEST_POINT:
+                    return False
+                deepest = stretch[np.argmax(stretch[:, FORCE])].copy()
+                deepest[FLAT], deepest[TIE], deepest[FORCE] = 0.0, -1.0, stretch[:, FORCE].sum()
+                new.append(deepest)
+        rod.count = len(new)
+        if new:
+            rod.points[: rod.count] = new
+        return True

@@ -320,7 +320,7 @@ def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S
 @njit(**OPTIONS)
 def touch(
     q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, cells,
-    obstacles, old_obstacles, sense, model, points, count, gaps, normals,
+    obstacles, old_obstacles, sense, model, points, count, rows, ready, gaps, normals,
     elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
     tolerance, depth, limit, q_new, F_new,
 ):  # fmt: skip
@@ -328,6 +328,7 @@ def touch(
 
     A tangent step from the old state, Newton's method on the active set, and revisions of the set until no point
     pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place.
+    Where the factors of the last equilibrium with its `rows` borders are still there, `ready`, the first step takes them.
     Returns (code, iterations, count, rows, whether another mesh would hold the points better).
     """
     N, dN, N3, dN3, gauss, weights = tables
@@ -349,7 +350,7 @@ def touch(
     q_new[:] = q
     F_new[:] = F
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
-    total, rows, size = 0, 0, 0.0
+    total, size = 0, 0.0
     lift, moved, convex = True, False, True
     for revision in range(40):
         converged = False
@@ -360,12 +361,17 @@ def touch(
                 changes, count = press(c, h, s0, samples, spacing, obstacles, points, count, phi, SPRING)
             else:
                 curve(q_new, h, N, primitives, c)
-            rows, same = system(
+            full = not (lift and ready)
+            known, same = system(
                 q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h, old_s0,
                 old_obstacles, sense, model, points, count, gaps, normals,
-                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, True,
+                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
             )  # fmt: skip
-            if same:
+            if full:
+                rows = known
+            if not full:
+                pass
+            elif same:
                 convex = border_factor(
                     elastic, geometric, 0.0, order, A, U, pivots, V, delta, rows, 3 + count, Y, S
                 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.mechanics.effects.contact_kernels import curve, position
+from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.mechanics.elements import Mesh, primitives
 from cable_ros.solve.trust_region import Options, minimize
 from cable_ros.statics import compiled
@@ -67,6 +67,7 @@ class TouchingRod(Rod):
         self.lines, self.upto = np.zeros((ROWS, 3)), np.zeros(ROWS, np.int64)
         self.delta, self.complement = np.zeros(ROWS), np.zeros((ROWS, ROWS))
         self.c = np.zeros((len(self.h), len(self.primitives) + 1, 3))
+        self.ready = False  # whether the factors are those of the last equilibrium with its contact points
 
     def set_conditions(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
@@ -121,17 +122,12 @@ class TouchingRod(Rod):
         touching = self.points[: self.count]
         return (touching[:, FORCE, None] * self.normals[: self.count] + touching[:, FRICTION:HELD]).sum(axis=0)
 
-    def position(self, s: float) -> np.ndarray:
-        """(3,) of the centreline at arc length s of the last equilibrium."""
-        r = np.empty(3)
-        position(self.c, self.h, self.s0, s, r)
-        return r
-
     # solving
 
     def minimum(self, q: np.ndarray, F: np.ndarray, options: Options) -> tuple[np.ndarray, np.ndarray, int] | None:
         """Descend with soft obstacles, which any shape can start from, then make them hard."""
         kept = self._state()
+        self.ready = False
         if self.count:
             # mostly the same equilibrium on another mesh: its contacts are known
             code, iterations, q_new, F_new = self._touch(
@@ -148,10 +144,12 @@ class TouchingRod(Rod):
             if not result.converged:
                 break
             q, F = result.x, result.y
-            soft.linearize(q, F)
+            self.ready = False
+            short = soft.harden(q)
             if not self.count:
                 return (q, F, total) if self.refactor(q, F) else None
-        else:
+            if not short and stiffness != SPRINGS[-1]:
+                continue
             code, iterations, q_new, F_new = self._touch(
                 q, F, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
             )
@@ -176,7 +174,7 @@ class TouchingRod(Rod):
         curve(q, self.h, self.tables[0], self.primitives, self.c)
         self._normal = None
         self.rows = self.system(q, F, FRICTIONLESS)
-        self.drift = 0.0
+        self.drift, self.ready = 0.0, self.model == FRICTIONLESS
         return self.border_factor(0.0, 3 + self.count)
 
     def advance(
@@ -186,6 +184,7 @@ class TouchingRod(Rod):
         assert obstacles is not None and self.obstacles is not None
         if not self.count:
             before = self.qe, self.re, self.f
+            self.ready = False
             code, iterations, q_new, F_new = super().advance(q, F, qe, re, f, tolerance, limit)
             if code != compiled.ADVANCED:
                 return code, iterations, q_new, F_new
@@ -226,7 +225,7 @@ class TouchingRod(Rod):
             code, iterations, self.count, self.rows, moved = touch(
                 q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
                 self.primitives, self.cells, obstacles, self.obstacles, self.sense, self.model,
-                self.points, self.count, self.gaps, self.normals,
+                self.points, self.count, self.rows, self.ready, self.gaps, self.normals,
                 self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W, self.delta,
                 self.lines, self.upto, self.borders, self.complement, self.acc, self.g, self.radial, self.totals,
                 tolerance, self.depth, limit, q_new, F_new,
@@ -236,6 +235,7 @@ class TouchingRod(Rod):
         if code == compiled.ADVANCED and self.model != FRICTIONLESS:
             # with friction as it stands: the iteration's own factors say nothing about stability
             code = compiled.ADVANCED if self.border_factor(0.0, 3 + self.count) else compiled.NOT_CONVEX
+        self.ready = code == compiled.ADVANCED and self.model == FRICTIONLESS
         if code != compiled.ADVANCED:
             self._restore(kept)
             self.sense = sense
