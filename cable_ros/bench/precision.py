@@ -24,7 +24,7 @@ from cable_ros.scene import Kinematics, Scene
 from cable_ros.scene.text import parse_yaml
 from cable_ros.tracker import Tracker
 
-BLOCK = 10
+BLOCK = 30
 """Consecutive poses that one method solves before the next has its turn."""
 TIGHTEST = 1e-11
 """Tolerance of the tracker that leads the references along the branch."""
@@ -52,7 +52,7 @@ class Size:
 FULL = Size(
     tolerances=tuple(10.0**-k for k in range(1, 11)),
     bvp_tolerances=(1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8),
-    parts=(10, 20, 40, 80, 160, 320, 640, 1280, 2560),
+    parts=(10, 20, 40, 80, 160, 320, 640, 1280, 2560, 5120),
     poses=361,
     references=19,
     gravity_numbers=(0.0, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5),
