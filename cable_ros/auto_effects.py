@@ -68,7 +68,7 @@ def review(
         if not _outgrown(choice, follower.size(found.end_wrench), follower.q):
             return False
         full = _wrench(follower, scene, cable, kinematics, index, ())
-        if full is None:  # not to be followed from here, as friction may have it: better a later measure than a lost branch
+        if full is None:  # cannot be followed from here: better a later measure than a lost branch
             follower.choice = _choice(follower, choice.left_out, choice.change, found)
             return False
         change = follower.difference(found.end_wrench, full)
@@ -126,8 +126,8 @@ def _wrench(
     """(6,) end wrench at the present pose without those effects; None where the branch ends on the way."""
     twin = copy.copy(follower)
     names = _others(scene, cable, left_out)
-    twin.become(properties(scene, cable, names, follower.environment), kinematics.poses, index)
-    return None if twin.rod is None else twin.wrenches(twin.rod)[0]
+    followed = twin.become(properties(scene, cable, names, follower.environment), kinematics.poses, index)
+    return twin.wrenches(twin.rod)[0] if followed and twin.rod is not None else None
 
 
 def _others(scene: Scene, cable: Cable, left_out: Iterable[str]) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from cable_ros.mechanics.elements import Mesh, Sampling, integrals, sampling
 from cable_ros.scene import Cable, Kinematics
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
-from cable_ros.statics.change import Section, follow
+from cable_ros.statics.change import Section, follow, made_of
 from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
 from cable_ros.statics.readout import polyline_anywhere
 from cable_ros.statics.rod import Rod
@@ -92,24 +92,30 @@ class Follower:
 
     def become(
         self, properties: Properties, kinematics: Callable[[np.ndarray], np.ndarray], index: int
-    ) -> None:
+    ) -> bool:
         """Go on with other properties, on the same branch; `kinematics(joints)[index]`: where the clamps are.
 
-        Where the branch ends on the way, the next solve searches for the equilibrium nearest in twist.
+        Returns whether the equilibrium could be followed. Where not, the next solve starts from it as it was if there
+        are obstacles, whose friction remembers, and otherwise searches for the one nearest in twist.
         """
         before, rod = self._units, self._rod
         self._use(properties)
         if rod is None:
-            return
+            return True
         poses = kinematics(self._joints)[index]
         load = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)[2]
-        changed = follow(rod, self._q, self._F, Section(self._stiffness, self._natural, load, self._compliance),
-                         self._units.force / before.force, ALGEBRAIC * self.tolerance)  # fmt: skip
+        section = Section(self._stiffness, self._natural, load, self._compliance)
+        scale = self._units.force / before.force
+        changed = follow(rod, self._q, self._F, section, scale, ALGEBRAIC * self.tolerance)
         self._estimate = np.inf
-        if changed is None:
-            self._rod = None
-        else:
+        if changed is not None:
             self._rod, self._q, self._F = changed
+        elif rod.obstacles is not None:
+            self._rod, self._F = made_of(rod, section, scale), self._F / scale
+            self._rod.refactor(self._q, self._F)
+        else:
+            self._rod = None
+        return changed is not None
 
     def _conditions(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, before: np.ndarray
@@ -215,12 +221,16 @@ class Follower:
         )
         if hint is not None:
             found.sort(key=lambda one: abs(one.twist - hint))
+        best: tuple[float, Found, Found] | None = None
         for one in found:
             fine, estimate = refine(one, self.tolerance)
-            if estimate > self.tolerance and fine is not found[-1]:
-                continue
-            self._take(fine, joints)
-            return self._finish(Status.CONVERGED, _choice(one, found), fine.iterations, poses, begin)
+            if best is None or estimate < best[0]:
+                best = estimate, fine, one
+            if estimate <= self.tolerance:
+                break
+        if best is not None and best[0] < np.inf:
+            self._take(best[1], joints)
+            return self._finish(Status.CONVERGED, _choice(best[2], found), best[1].iterations, poses, begin)
         return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, time.perf_counter() - begin)
 
     def branches(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:

@@ -204,3 +204,27 @@ def test_an_absent_effect_leaves_every_bit_and_call_as_it_was(
         assert calls == plain
     else:  # what is measured at the cold start, to see that the weight matters
         assert calls["advance"] - plain["advance"] <= 20
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+def test_with_contact_and_friction(tolerance: float) -> None:
+    fields = {"natural_strain": [1e-4, 0, 0], **stiffer(2e-5)}
+    sphere = parse_yaml(share_file("config", "space_arm_sphere.yaml").read_text(), "sphere")
+    scenes = []
+    for effects in ("auto", "all"):
+        scene = arm(effects, **fields)
+        values = parse_yaml(scene.text, "arm")
+        scenes.append(load_scene({**values, "obstacles": sphere["obstacles"], "cable_radius": "ignore"}))
+    reduced, exact = (Tracker(scene, tolerance) for scene in scenes)
+    left_out = []
+    touched = 0
+    for degrees in [*range(0, 76, 3), *range(75, -1, -3)]:
+        (a,), (b,) = sweep(reduced, [degrees]), sweep(exact, [degrees])
+        assert a.status is b.status is Status.CONVERGED
+        touched += len(b.contacts) > 0
+        left_out.append(reduced.left_out[CABLE])
+        # Both solves' errors and what is left out: stick and slip may answer to either a little more.
+        assert error(a, b) < 3 * tolerance
+    assert touched > 20
+    assert left_out[0]
+    assert all("contact" not in names for names in left_out)

@@ -44,13 +44,16 @@ def _soft(section: Section) -> np.ndarray:
     return np.zeros(3) if section.compliance is None else section.compliance
 
 
-def _like(rod: Rod, section: Section) -> Rod:
-    """A rod on the same mesh, made of the section."""
+def made_of(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
+    """A rod on the same mesh between the same clamps, made of the section; `scale` as in `follow`."""
     if section.compliance is not None and section.compliance.any():
-        return StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
-    if isinstance(rod, StretchingRod):
-        return Rod(rod.mesh, section.stiffness, section.natural)
-    return rod.variant(stiffness=section.stiffness, natural=section.natural)
+        new: Rod = StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
+    elif isinstance(rod, StretchingRod):
+        new = Rod(rod.mesh, section.stiffness, section.natural)
+    else:
+        new = rod.variant(stiffness=section.stiffness, natural=section.natural, scale=scale)
+    new.set_conditions(rod.qe, rod.re, section.load, rod.obstacles)
+    return new
 
 
 def follow(
@@ -69,7 +72,7 @@ def follow(
     while at < 1.0:
         to = min(1.0, at + step)
         here, there = between(before, target, at), between(before, target, to)
-        new = _like(last, there)
+        new = made_of(last, there)
         new.set_conditions(rod.qe, rod.re, here.load, rod.obstacles)
         if new.refactor(q, F):
             code, iterations, q_new, F_new = new.advance(
