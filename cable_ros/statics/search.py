@@ -150,6 +150,7 @@ def equilibria(
     natural = np.zeros(3) if natural is None else natural
     mesh = first_mesh(conditions, abs(hint or 0.0) + float(np.linalg.norm(natural)), tolerance)
     found: list[Found] = []
+    seen: list[np.ndarray] = []
     within = conditions.re * min(1.0, SLACK / max(float(np.linalg.norm(conditions.re)), SLACK))
     re = conditions.re if compliance is None else within
     taut = compliance is not None and float(np.linalg.norm(conditions.re)) > TAUT
@@ -161,6 +162,7 @@ def equilibria(
             rod = Rod(mesh, stiffness, natural)
         else:
             rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
+            rod.seen = seen
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
         one = settle(rod, q, np.zeros(3), Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8))
         if one is None:

@@ -22,10 +22,13 @@ class Softened:
     Args:
         rod: the rod, whose contact points it uses up.
         stiffness: of the springs, EI / L^3.
+        samples: (m,) arc lengths where they stand; the rod's own where they are not given.
     """
 
-    def __init__(self, rod: TouchingRod, stiffness: float) -> None:
+    def __init__(self, rod: TouchingRod, stiffness: float, samples: np.ndarray | None = None) -> None:
         self.rod, self.stiffness = rod, stiffness
+        self.samples = rod.samples if samples is None else samples
+        self.phi = np.empty((0 if rod.obstacles is None else len(rod.obstacles), len(self.samples)))
         self.retract, self.derivative, self.norm = rod.retract, rod.derivative, rod.norm
         self.normal_step = rod.normal_step
 
@@ -33,8 +36,8 @@ class Softened:
         """Set the rod's contact points to the samples inside at x; returns the springs' energy."""
         rod = self.rod
         curve(x, rod.h, rod.tables[0], rod.primitives, rod.c)
-        _, rod.count = press(rod.c, rod.h, rod.s0, rod.samples, rod.spacing, rod.obstacles, rod.points, rod.count,
-                             rod.phi, self.stiffness)  # fmt: skip
+        _, rod.count = press(rod.c, rod.h, rod.s0, self.samples, rod.spacing, rod.obstacles, rod.points, rod.count,
+                             self.phi, self.stiffness)  # fmt: skip
         return 0.5 * float((rod.points[: rod.count, FORCE] ** 2).sum()) / self.stiffness
 
     def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:

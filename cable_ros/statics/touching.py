@@ -18,17 +18,23 @@ from cable_ros.statics.touch_kernels import (
     FRICTION,
     HELD,
     LYING,
+    MOST_SAMPLES,
     PLACE,
     SPRING,
     TIE,
+    coarse,
     dips,
+    grid,
     passage,
+    within,
 )
 from cable_ros.statics.touch_system import FRICTIONLESS, SLIDING, nodal, point_forces, system, touch
 
 ROWS = 3 + 5 * CAPACITY
 SPRINGS = (1e3, 1e5, 1e7, SPRING)
 """Stiffness of the soft obstacles, EI / L^3, one after the other: the first is for the way, the last tells who touches."""
+MOST_GRIDS = 6
+"""So often at most the samples are placed anew about the ends of stretches."""
 CLOSEST = 0.02
 """A boundary is put no nearer than this to another, parts of the length."""
 
@@ -52,6 +58,7 @@ class TouchingRod(Rod):
         self.depth = float(np.clip(1e-5 * tolerance, 1e-12, 1e-8))
         self.cells, self.spacing, self.samples = 1, 1.0, np.zeros(0)
         self.model = FRICTIONLESS
+        self.seen: list[np.ndarray] | None = None  # what a search with several starts has found before
         self.sense = np.zeros(3)
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
@@ -135,28 +142,54 @@ class TouchingRod(Rod):
             )
             if code == compiled.ADVANCED:
                 return q_new, F_new, iterations
-        total = 0
-        for stiffness in SPRINGS:
-            self.count = 0
-            soft = Softened(self, stiffness)
+        mesh, total = self.mesh, 0
+        samples = self.samples
+        for stage in range(len(SPRINGS) + MOST_GRIDS):
+            stiffness = SPRINGS[min(stage, len(SPRINGS) - 1)]
+            soft = Softened(self, stiffness, samples)
             result = minimize(soft, q, F, options)
             total += result.iterations
             if not result.converged:
                 break
             q, F = result.x, result.y
             self.ready = False
+            if stage == 0 and self._known(q, result.objective):
+                break
             short = soft.harden(q)
             if not self.count:
                 return (q, F, total) if self.refactor(q, F) else None
-            if not short and stiffness != SPRINGS[-1]:
-                continue
+            if not short:
+                if coarse(self.points, self.count, self.h, self.s0, self.spacing):
+                    q = self._fit(q)
+                    continue
+                if stage < len(SPRINGS) - 1:
+                    continue
+                if not within(self.points, self.count, samples, self.spacing):
+                    samples = np.empty(MOST_SAMPLES)
+                    samples = samples[: grid(self.points, self.count, self.cells, samples)]
+                    continue
             code, iterations, q_new, F_new = self._touch(
                 q, F, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
             )
             if code == compiled.ADVANCED:
                 return q_new, F_new, total + iterations
+        if self.mesh is not mesh:
+            self._allocate(mesh)
         self._restore(kept)
         return None
+
+    def _known(self, q: np.ndarray, energy: float) -> bool:
+        """Whether the search has already come by this state of the soft obstacles."""
+        if self.seen is None:
+            return False
+        # mirror images have the same energy
+        state = np.append(self.mesh.interpolate(q, np.array([0.25, 0.5, 0.75])).ravel(), energy)
+        for other in self.seen:
+            turned = np.abs(np.sum(state[:-1].reshape(3, 4) * other[:-1].reshape(3, 4), axis=1)).min() < 1.0 - 1e-5
+            if not turned and abs(state[-1] - other[-1]) < 1e-5 * (1.0 + abs(energy)):
+                return True
+        self.seen.append(state)
+        return False
 
     def _fit(self, q: np.ndarray) -> np.ndarray:
         """Change to a mesh that holds the contact points well; returns the shape q (n, 4) on it."""
