@@ -135,6 +135,27 @@ def test_command_prints_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert " no " in lines["stretch"]
 
 
+@pytest.mark.parametrize(
+    ("scene", "joint", "there"),
+    [
+        ("space_arm.yaml", "orientation=-45deg", {"weight"}),
+        ("space_arm_cold.yaml", "orientation=45deg", {"weight", "temperature", "dose"}),
+        ("space_arm_sphere.yaml", "orientation=75deg", {"weight", "contact", "friction"}),
+        ("draped.yaml", "lift=0.2", {"weight", "contact"}),
+    ],
+)
+def test_all_shipped_scenes(
+    scene: str, joint: str, there: set[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["explain", shipped(scene), "--joint", joint, "--tolerance", "1e-3", "--json"]) == 0
+    (cable,) = json.loads(capsys.readouterr().out)["cables"].values()
+    assert {effect["name"] for effect in cable["effects"] if effect["present"]} == there
+    for effect in cable["effects"]:
+        if effect["present"]:
+            assert effect["change"] > 1e-3  # all of them matter there
+            assert effect["time"] < cable["time"]
+
+
 def test_command_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["explain", shipped("space_arm.yaml"), "--joint", "orientation=0", "--tolerance", "1e-3"]
     assert main([*arguments, "--json"]) == 0
