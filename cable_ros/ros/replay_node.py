@@ -271,6 +271,9 @@ def main(args: Sequence[str] | None = None) -> int:
         except LogError as error:
             print(f"cable_replay: {error}", file=sys.stderr)
             return 2
+        except Exception:  # publishing fails where the signal came since it was last asked for
+            if node is None or rclpy.ok():
+                raise
         finally:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             signal.signal(signal.SIGTERM, signal.SIG_IGN)
