@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import gc
-import os
 import signal
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -40,12 +38,11 @@ from cable_ros.ros.parameters import ParameterError
 from cable_ros.ros.recorder import Outlet, log_path, type_name
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.load import load_scene
-from cable_ros.share import share_file
 from cable_ros.tracker import Tracker
 
 # Best effort: a lost state is not sent again, a newer one is better. The queue is emptied at every turn.
 _JOINT_STATES = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
-_CATCH_UP = 1e-3  # s; a backlog that takes longer than this to answer is skipped but for the newest
+_CATCH_UP = 4e-3  # s; a backlog that takes longer than this to answer is skipped but for the newest
 _LATCHED_INPUT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DIAGNOSTICS = QoSProfile(depth=10)
 _MARKERS = QoSProfile(depth=50)
@@ -63,7 +60,7 @@ class CableNode(Node):
     def __init__(self) -> None:
         super().__init__("cable_node")
         parameters.declare(self)
-        self._scene_path = _scene_path(self._value("scene"))
+        self._scene_path = parameters.scene_file(self._value("scene"))
         self._health = Health(self.get_name(), str(self._scene_path))
         self._out = Outbox(self)
         self._live: LiveScene | None = None
@@ -129,7 +126,7 @@ class CableNode(Node):
         if old is not None:
             old.destroy(self)
         frame = self._value("world_frame") or world_frame(scene.robot)
-        live = LiveScene(self, scene, tracker, self._joint_states.topic, frame)
+        live = LiveScene(self, scene, tracker, self._joint_states.topic, frame, self._note)
         seconds = live.warm_up()
         # What was made so far lives as long as the node: the collector need not look at it again.
         gc.collect()
@@ -186,8 +183,7 @@ class CableNode(Node):
         usable = states.take(data, info.get("publication_sequence_number"))
         self._out.send(self._joint_states, data)
         if states.fault:
-            self._health.note(states.fault)
-            self.get_logger().warning(states.fault, throttle_duration_sec=5.0)
+            self._note(states.fault)
         if usable and not states.stamp:
             self.get_logger().warning(
                 f"Joint states on '{states.topic}' have no stamp; the node's time is used.", once=True
@@ -202,6 +198,8 @@ class CableNode(Node):
         self._out.flush(arrival, stamp)
 
     def _solve(self, live: LiveScene, stamp: int) -> None:
+        if changed := live.environment.apply():
+            self._out.event(events.ENVIRONMENT, environment=changed)
         live.solve()
         self._out.send(self._solved_joints, live.solved_joints(stamp))
         live.send_loads(self._out.send, stamp, self._joint_load, self._joint_stiffness)
@@ -251,7 +249,7 @@ class CableNode(Node):
             self._health.log(self._out.recorder),
         ]
         if live is not None:
-            entries += [cable.status(name, self._health.hardware_id) for cable in live.cables.values()]
+            entries += live.entries(name, self._health.hardware_id)
         self._out.send(self._diagnostics, serialise(diagnostics(self._now(), entries)))
         self._report_time = time.monotonic()
 
@@ -260,8 +258,12 @@ class CableNode(Node):
             f"The clock went back by {-jump.delta.nanoseconds * 1e-9:.6g} s; nothing is reset, the cables go "
             "on from where they are. Call ~/reset if this is the start of a new run."
         )
-        self._health.note(text)
-        self.get_logger().warning(text)
+        self._note(text)
+
+    def _note(self, sentence: str) -> None:
+        """Tell what is wrong: in the next diagnostics, and now and then in the console."""
+        self._health.note(sentence)
+        self.get_logger().warning(sentence, throttle_duration_sec=5.0)
 
     # -- the log -----------------------------------------------------------------------------------------
 
@@ -277,7 +279,13 @@ class CableNode(Node):
         settings = {name: self._value(f"log.{name}") for name in ("max_size", "max_duration", "queue_size")}
         texts = self._live.attachments(parameters.as_text(self)) if self._live else {}
         if self._out.start_log(path, settings, texts, self._outlets()) and (live := self._live):
-            used = {"tolerance": live.tracker.tolerance, "polyline_points": live.tracker.polyline_points}
+            tracker = live.tracker
+            used: dict[str, Any] = {
+                "tolerance": tracker.tolerance,
+                "polyline_points": tracker.polyline_points,
+            }
+            if environment := live.environment.values:
+                used["environment"] = environment
             self._out.event(events.START, fresh=live.fresh, **used)
 
     # -- parameters and services -------------------------------------------------------------------------
@@ -332,25 +340,6 @@ class CableNode(Node):
         """Complete the log and leave."""
         self._out.stop_log()
         self.destroy_node()
-
-
-def _scene_path(value: str) -> Path:
-    """The scene's file; a bare name that is not in the working directory is sought among the installed ones.
-
-    Raises:
-        ParameterError: there is no such file.
-    """
-    if not value:
-        raise ParameterError(
-            "Parameter 'scene' is empty; name a scene file, such as -p scene:=space_arm.yaml"
-        )
-    path = Path(os.path.expanduser(value))
-    if not os.path.exists(path) and path.name == value:
-        try:
-            return share_file("config", value)
-        except FileNotFoundError:
-            pass
-    return path
 
 
 def main(args: Sequence[str] | None = None) -> int:

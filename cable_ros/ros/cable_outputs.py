@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -78,8 +79,8 @@ class CableOutputs:
             clamp_transform(self.end_frame, self.world_frame, self.cable.end),
         ]
 
-    def status(self, prefix: str, hardware_id: str) -> DiagnosticStatus:
-        """The diagnostics entry, about the worst result since the last one."""
+    def status(self, prefix: str, hardware_id: str, also: Mapping[str, object]) -> DiagnosticStatus:
+        """The diagnostics entry, about the worst result since the last one, with further values `also`."""
         name = f"{prefix}: {self.cable.name}"
         equilibrium, self.worst = self.worst, None
         if equilibrium is None:
@@ -94,6 +95,7 @@ class CableOutputs:
             "stability margin": equilibrium.stability_margin,
             "total twist [rad]": equilibrium.total_twist,
             "energy [J]": equilibrium.energy,
+            **also,
         }
         return diagnostic(name, level(equilibrium.status), equilibrium.message, values, hardware_id)
 

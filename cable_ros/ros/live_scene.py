@@ -6,9 +6,12 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from diagnostic_msgs.msg import DiagnosticStatus
+
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.joint import joint_load, joint_torque
 from cable_ros.ros.cable_outputs import CableOutputs
+from cable_ros.ros.environment import Environment
 from cable_ros.ros.joint_states import JointStates
 from cable_ros.ros.markers import CableMarkers
 from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, SolvedJointsMessage
@@ -32,14 +35,24 @@ class LiveScene:
         scene: what there is.
         tracker: of that scene.
         topic: of the joint states, for sentences.
-        world_frame: frame of what has no link; empty: the robot's root link, "world" without a robot.
+        world_frame: frame of what has no link.
+        note: called with a sentence about an input that can't be used.
     """
 
-    def __init__(self, node: Node, scene: Scene, tracker: Tracker, topic: str, world_frame: str) -> None:
+    def __init__(
+        self,
+        node: Node,
+        scene: Scene,
+        tracker: Tracker,
+        topic: str,
+        world_frame: str,
+        note: Callable[[str], None],
+    ) -> None:
         self.scene = scene
         self.tracker = tracker
         self.world_frame = world_frame
         self.states = JointStates(tracker.joint_names, topic)
+        self.environment = Environment(node, scene, tracker, note)
         self.cables = {
             cable.name: CableOutputs(node, cable, world_frame, tracker.polyline_points)
             for cable in scene.cables
@@ -121,6 +134,8 @@ class LiveScene:
             markers = self._markers[name]
             trusted = equilibrium.status.trusted
             send(outlet, markers.fill(stamp, equilibrium, force_scale) if trusted else markers.remove())
+            if trusted and (contacts := markers.contacts(stamp, equilibrium, force_scale)):
+                send(outlet, contacts)
 
     def _prepare_markers(self) -> None:
         count = self.tracker.polyline_points
@@ -128,6 +143,17 @@ class LiveScene:
             markers = self._markers.get(cable.name)
             if markers is None or markers.count != count:
                 self._markers[cable.name] = CableMarkers(cable, self.world_frame, count)
+
+    def entries(self, prefix: str, hardware_id: str) -> list[DiagnosticStatus]:
+        """The diagnostics of every cable."""
+        left_out = self.tracker.left_out
+        out = []
+        for name, cable in self.cables.items():
+            also: dict[str, object] = dict(self.environment.of(name))
+            if effects := left_out.get(name):
+                also["effects left out"] = ", ".join(effects)
+            out.append(cable.status(prefix, hardware_id, also))
+        return out
 
     def attachments(self, parameters: str) -> Mapping[str, str]:
         """What a log needs besides messages to be solved again."""
@@ -138,5 +164,6 @@ class LiveScene:
 
     def destroy(self, node: Node) -> None:
         """Withdraw the cables' topics."""
+        self.environment.destroy(node)
         for cable in self.cables.values():
             cable.destroy(node)

@@ -67,11 +67,12 @@ def colours(values: np.ndarray) -> np.ndarray:
 
 
 class CableMarkers:
-    """`visualization_msgs/MarkerArray` of one cable: tube, force arrows at the end and at the start."""
+    """`visualization_msgs/MarkerArray` of one cable: tube, end forces as arrows, contact forces as lines."""
 
     def __init__(self, cable: Cable, world_frame: str, count: int) -> None:
         self.count = count
         self._cable = cable
+        self._touched = False
         self._radius = cable.diameter / 2 if cable.diameter else cable.length * _DEFAULT_RADIUS_RATIO
         corners = 6 * SIDES * (count - 1)
         tube = self._marker(world_frame, f"{cable.name}/tube", Marker.TRIANGLE_LIST)
@@ -85,8 +86,11 @@ class CableMarkers:
             arrow.scale.x, arrow.scale.y = 3 * self._radius, 6 * self._radius  # shaft and head diameter
             arrow.color = ColorRGBA(r=0.9, g=0.2, b=0.1, a=1.0)
             arrows.append(arrow)
+        self._lines = lines = self._marker(world_frame, f"{cable.name}/contact_forces", Marker.LINE_LIST)
+        lines.scale.x = 0.5 * self._radius
+        lines.color = ColorRGBA(r=0.1, g=0.5, b=0.9, a=1.0)
         self._removal = MarkerArray(
-            markers=[Marker(header=m.header, ns=m.ns, action=Marker.DELETE) for m in (tube, *arrows)]
+            markers=[Marker(header=m.header, ns=m.ns, action=Marker.DELETE) for m in (tube, *arrows, lines)]
         )
         self._template = Template(MarkerArray(markers=[tube, *arrows]))
         view = self._template.view
@@ -127,6 +131,20 @@ class CableMarkers:
         set_stamp(self._template, stamp)
         return self._template.to_bytes()
 
+    def contacts(self, stamp: int, equilibrium: Equilibrium, force_scale: float) -> bytes | None:
+        """Bytes with a line for the force at each contact; None where there is none to show or to remove."""
+        found = equilibrium.contacts
+        if not found and not self._touched:
+            return None
+        self._touched = bool(found)
+        lines = self._lines
+        lines.header.stamp.sec, lines.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+        lines.action = Marker.ADD if found else Marker.DELETE
+        ends = [end for one in found for end in (one.position, one.position + force_scale * one.force)]
+        lines.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in ends]
+        return serialise(MarkerArray(markers=[lines]))
+
     def remove(self) -> bytes:
         """Bytes that take the cable out of the view: there is no shape of it that could be trusted."""
+        self._touched = False
         return serialise(self._removal)

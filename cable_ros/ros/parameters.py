@@ -6,12 +6,15 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidTopicNameException, ParameterException
 from rclpy.parameter import Parameter
 from rclpy.validate_topic_name import validate_topic_name
+
+from cable_ros.share import share_file
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -133,6 +136,25 @@ def refusal(entry: Declaration, value: Any) -> str:
     if entry.name == "log.path" and value.endswith(".mcap") and os.path.exists(os.path.expanduser(value)):
         return f"Parameter 'log.path': {value} exists already and logs never overwrite; choose another name."
     return ""
+
+
+def scene_file(value: str) -> Path:
+    """The scene's file; a bare name that is not in the working directory is sought among the installed ones.
+
+    Raises:
+        ParameterError: there is no such file.
+    """
+    if not value:
+        raise ParameterError(
+            "Parameter 'scene' is empty; name a scene file, such as -p scene:=space_arm.yaml"
+        )
+    path = Path(os.path.expanduser(value))
+    if not os.path.exists(path) and path.name == value:
+        try:
+            return share_file("config", value)
+        except FileNotFoundError:
+            pass
+    return path
 
 
 def validate(parameters: Sequence[Parameter]) -> SetParametersResult:

@@ -81,8 +81,25 @@ def test_what_is_not_trusted_leaves_the_view(arm):
     markers = CableMarkers(arm.cables[0], "base", 11)
     equilibrium = Tracker(arm, polyline_points=11).solve({"orientation": 0.4})["camera_cable"]
     shown, gone = read(markers.fill(STAMP, equilibrium, 0.5)), read(markers.remove())
-    assert [(m.ns, m.id) for m in gone] == [(m.ns, m.id) for m in shown]
+    contacts = {("camera_cable/contact_forces", 0)}
+    assert {(m.ns, m.id) for m in gone} == {(m.ns, m.id) for m in shown} | contacts
     assert {m.action for m in gone} == {Marker.DELETE}
+
+
+def test_contact_forces_are_lines_that_go_when_they_end():
+    scene = load_scene(str(share_file("config", "space_arm_sphere.yaml")))
+    tracker, markers, scale = Tracker(scene), CableMarkers(scene.cables[0], "base", 101), 2.0
+    clear, touching = (tracker.solve({"orientation": math.radians(a)})["camera_cable"] for a in (30, 60))
+    assert markers.contacts(STAMP, clear, scale) is None
+    (lines,) = read(markers.contacts(STAMP, touching, scale))
+    assert (lines.type, lines.action) == (Marker.LINE_LIST, Marker.ADD)
+    ends = points_of(lines).reshape(-1, 2, 3)
+    for (foot, tip), contact in zip(ends, touching.contacts, strict=True):
+        np.testing.assert_array_equal(foot, contact.position)
+        np.testing.assert_allclose((tip - foot) / scale, contact.force, atol=1e-15)
+    (lines,) = read(markers.contacts(STAMP, clear, scale))
+    assert lines.action == Marker.DELETE
+    assert markers.contacts(STAMP, clear, scale) is None
 
 
 @pytest.mark.parametrize("natural", [None, [0.0, 2.0, 0.0]])
