@@ -28,8 +28,12 @@ Conditions = tuple[np.ndarray, np.ndarray, np.ndarray]
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 SLACK = 0.95
 """A cold start begins with the clamps no farther apart than this, parts of the length, and inextensible."""
+KICKS = (0.3, -0.3, 1.0, -1.0)
+"""rad; how far along the softest mode a descent is started where a branch has ended."""
 PUSH = 10.0
 """EI / L^3; a load per length that bends the cable as far as it can."""
+SHORT = 0.7
+"""A cable may be pressed together to this part of its length."""
 SHORTEST = 1e-3
 """Smallest part of the way from there before it counts as barred."""
 
@@ -101,16 +105,32 @@ class StretchingRod(Rod):
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """As `Rod.minimum`: near (q, F) by Newton's method, otherwise by way of the inextensible rod."""
-        if F.any() and self.refactor(q, F):
+        """As `Rod.minimum`: near (q, F) by Newton's method, otherwise by way of the inextensible rod.
+
+        Where the branch of (q, F) ends, that of the inextensible rod may not yet: the descent then starts
+        beside it, along the softest mode.
+        """
+        if not F.any():
+            return self._descend(q, F, options)
+        if self.refactor(q, F):
             code, count, q_new, F_new = self.advance(q, F, self.qe, self.re, self.f, options.step_tolerance)
             if code == compiled.ADVANCED and self.refactor(q_new, F_new):
                 return q_new, F_new, count
-        if float(np.linalg.norm(self.re)) > SLACK and (
-            found := self._from_straight(q, options.step_tolerance)
-        ):
+        mode, energy = self.mode / max(float(np.abs(self.mode).max()), 1e-300), float(self.totals[3])
+        for kick in (0.0, *KICKS):
+            found = self._descend(self.retract(q, kick * mode), F, options)
+            if found is not None and self.totals[3] <= energy + 1e-6 * (1.0 + abs(energy)):
+                return found
+        return None
+
+    def _descend(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """By way of the inextensible rod from q, or of the straight one: that first where the rod is taut."""
+        chord = max(float(np.linalg.norm(self.re)), 1e-12)
+        if chord > SLACK and (found := self._from_straight(q, options.step_tolerance)):
             return found
-        start = self.re * min(1.0, SLACK / max(float(np.linalg.norm(self.re)), 1e-12))
+        start = self.re * min(1.0, SLACK / chord)
         across = np.cross(start, np.eye(3)[np.argmin(np.abs(start))])
         # a straight cable that is pulled taut passes its buckling load; a push from the side takes it round
         for push in (np.zeros(3), PUSH * across / max(float(np.linalg.norm(across)), 1e-12)):
@@ -119,7 +139,8 @@ class StretchingRod(Rod):
             found = stiff.minimum(q, F, options)
             if found is not None and (reached := self._soften(*found, start, push, options.step_tolerance)):
                 return reached
-        return None
+        # so soft that it may be short rather than bent
+        return self._from_straight(q, options.step_tolerance) if SHORT < chord <= SLACK else None
 
     def _from_straight(self, q: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, int] | None:
         """From the straight rod between clamps along the chord, with about the twist of q, to our own clamps.

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from references import planar
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+from zoo_make import led
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
+from cable_ros.bench.cases import case_scene
 from cable_ros.mechanics.elements import Mesh, reference_element
 from cable_ros.scene import SceneError
 from cable_ros.share import share_file
@@ -208,7 +211,7 @@ def test_clamp_stiffness_and_virtual_work() -> None:
             [more.start_wrench - less.start_wrench, more.end_wrench - less.end_wrench]
         ) / (2 * step)
         at = k + (0 if end == "start" else 6)
-        # Central differences: the step squared times the third derivative, and the solves' error over the step.
+        # Central differences: the third derivative by the step squared, the solves' error by the step.
         np.testing.assert_allclose(
             middle.clamp_stiffness[:, at], column, atol=1e-5 * np.abs(middle.clamp_stiffness).max()
         )
@@ -272,6 +275,29 @@ def test_followed_warm_as_found_cold() -> None:
     assert np.linalg.norm((found.end_wrench - expected.end_wrench) * unit) < 2e-6 * np.linalg.norm(
         expected.end_wrench * unit
     )
+
+
+@pytest.mark.parametrize("stiffness", [1e4, 1e6])
+def test_snap_at_a_fold_is_told(stiffness: float) -> None:
+    # An arch whose end turns against it; a stretching one snaps a little earlier than others (33 degrees).
+    arch = planar.buckled(1.0, 1.0, 0.9).scene(axial_stiffness=stiffness)
+    angles = np.arange(-20.0, 50.0, 1.0)
+    found = []
+    for turn in (1, -1):  # the cold start is free to take either of two mirror images
+        case = led("arch", "", arch, [{"yaw": turn * np.radians(a)} for a in angles])
+        tracker = Tracker(case_scene(case), tolerance=1e-6)
+        found.append([tracker.solve(dict(pose))["cable"] for pose in case.path])
+    snaps = 0
+    for path in found:
+        for before, after in itertools.pairwise(path):
+            assert after.status in (Status.CONVERGED, Status.SNAPPED)
+            if after.status is Status.SNAPPED:
+                snaps += 1
+                assert after.energy < before.energy
+            else:  # a degree of turn does less work than the largest moment times itself
+                moments = max(np.abs(one.end_wrench[3:]).max() for one in (before, after))
+                assert abs(after.energy - before.energy) < 2 * np.radians(1) * moments
+    assert snaps >= 1
 
 
 @pytest.mark.parametrize("effects", ["all", "auto", ["stretch", "contact"]])
