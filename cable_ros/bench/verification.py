@@ -15,7 +15,7 @@ their pose part is regular at every arc length beyond 0 (no conjugate point).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -101,9 +101,64 @@ def verify(
     if not all(np.all(np.isfinite(a)) for a in claimed):
         return _failed(0)
     tries = [refine(rod, *claimed, touches, iterations=iterations)]
+    if touches:
+        tries += _slid(rod, claimed, touches, tries[0], iterations)
     if not touches and claim.stability_margin < NEUTRAL_MARGIN:
         tries.append(refine(rod, *claimed, iterations=iterations, neutral=True))
     return min(tries, key=lambda one: one.wrench_error)
+
+
+ALONE = 0.03
+"""A touch farther than this from all others, parts of the length, is where the gap is smallest."""
+
+
+def _slid(
+    rod: Rod,
+    claimed: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    touches: Sequence[Touch],
+    first: Verification,
+    iterations: int,
+) -> list[Verification]:
+    """The same with touches that stand alone slid to where the rod is tangent to the surface, by secants.
+
+    A soft rod answers to a place that is a little off by a shape that is much more so.
+    """
+    out: list[Verification] = []
+    places = np.array([touch.place for touch in touches])
+    apart = np.abs(places[:, None] - places[None, :]) + np.eye(len(places))
+    alone = apart.min(axis=1) > ALONE
+    shape, slopes, ways = first.shape, np.zeros(0), np.zeros(len(touches))
+    for _ in range(4):
+        if shape is None or not alone.any():
+            break
+        before = slopes
+        slopes, curvatures = _slopes(rod, touches, shape)
+        if before.size:
+            with np.errstate(all="ignore"):
+                ways = np.nan_to_num(-slopes * ways / (slopes - before), posinf=0.0, neginf=0.0)
+        else:
+            ways = -0.02 * slopes / np.maximum(curvatures, 1e-6)
+        ways = np.where(alone & (np.abs(ways) < 0.1 * ALONE), ways, 0.0)
+        if np.abs(ways).max() < 1e-10:
+            break
+        touches = [replace(touch, place=touch.place + way) for touch, way in zip(touches, ways, strict=True)]
+        out.append(refine(rod, *claimed, touches, iterations=iterations))
+        shape = out[-1].shape
+    return out
+
+
+def _slopes(rod: Rod, touches: Sequence[Touch], shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """First and second derivative (m,) of each touch's gap along the rod."""
+    slopes, curvatures = [], []
+    for touch in touches:
+        i = int(np.argmin(np.abs(shape.arc_lengths / rod.length - touch.place)))
+        _, normal, bend = touch.surface((shape.points[i] - rod.start[:3]) / rod.length)
+        frame = shape.frames[i]
+        t = frame[:, 2]
+        turning = frame @ (frame.T @ shape.moments[i] / rod.stiffness) * rod.length
+        slopes.append(float(normal @ t))
+        curvatures.append(float(normal @ np.cross(turning, t) + t @ bend @ t))
+    return np.array(slopes), np.array(curvatures)
 
 
 @np.errstate(all="ignore")
