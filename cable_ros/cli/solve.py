@@ -7,12 +7,13 @@ import enum
 import json
 import math
 import sys
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cable_ros.cli._arguments import add_command, add_pose, add_tolerance, joint_values
 
 if TYPE_CHECKING:
-    from cable_ros.equilibrium import Equilibrium
+    from cable_ros.equilibrium import Contact, Equilibrium
 
 EXAMPLE = """example:
   cable solve config/space_arm.yaml --joint orientation=30deg
@@ -71,6 +72,7 @@ def describe(name: str, found: Equilibrium) -> str:
             f"  stability margin  {found.stability_margin:.3g}  (0 at a fold)",
             f"  error estimate    {found.error_estimate:.1e} of the end wrench",
             f"  effort            {found.iterations} iterations, {engineering(found.solve_time, 's')}",
+            *_contact_lines(found.contacts),
         ]
     )
 
@@ -92,11 +94,26 @@ def _plain(value: Any) -> Any:
         return value.name
     if hasattr(value, "tolist"):  # NumPy arrays and numbers
         value = value.tolist()
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def _contact_lines(contacts: Sequence[Contact]) -> Iterator[str]:
+    """One line for each obstacle that is touched: where along the cable, and with what force in all."""
+    for name in dict.fromkeys(contact.obstacle for contact in contacts):
+        touching = [contact for contact in contacts if contact.obstacle == name]
+        first, last = touching[0].arc_length, touching[-1].arc_length
+        where = f"{first:.4g} m" if len(touching) == 1 else f"{first:.4g} to {last:.4g} m"
+        force = math.hypot(
+            *(sum(components) for components in zip(*(c.force for c in touching), strict=True))
+        )
+        slides = ", sliding" if any(contact.sliding for contact in touching) else ""
+        yield f"  contact           {name} at {where}, {engineering(force, 'N')}{slides}"
 
 
 def _wrench_line(clamp: str, wrench: Any) -> str:

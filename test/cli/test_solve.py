@@ -37,7 +37,7 @@ def test_json_has_the_fields_of_equilibrium(capsys):
     assert main(["solve", ARM, "--joint", "orientation=0", "--tolerance", "1e-6", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["camera_cable"]
     fields = {field.name for field in dataclasses.fields(Equilibrium) if not field.name.startswith("_")}
-    assert set(found) == fields | {"stiffness"}
+    assert set(found) == fields | {"stiffness", "contacts"}
     assert found["status"] == "CONVERGED"
     assert np.shape(found["points"]) == (101, 3)
     # The reference force and moment on the cable at 0 deg, in world axes, which are the clamp's there. Their
@@ -47,6 +47,20 @@ def test_json_has_the_fields_of_equilibrium(capsys):
     assert np.allclose(
         found["end_wrench"][3:], np.negative(moment), rtol=0, atol=1e-5 * np.linalg.norm(moment)
     )
+
+
+def test_contacts_are_told(capsys):
+    ball = str(share_file("config", "space_arm_sphere.yaml"))
+    assert main(["solve", ball, "--joint", "orientation=60deg"]) == 0
+    assert "  contact           ball at 0.1" in capsys.readouterr().out
+    assert main(["solve", ball, "--joint", "orientation=60deg", "--json"]) == 0
+    contacts = json.loads(capsys.readouterr().out)["camera_cable"]["contacts"]
+    assert {contact["obstacle"] for contact in contacts} == {"ball"}
+    # On the ball: centre and radius of the scene; the solver's gap is far below a micrometre.
+    for contact in contacts:
+        assert np.linalg.norm(np.subtract(contact["position"], [0.092, 0.010, -0.095])) == pytest.approx(
+            0.045, abs=1e-6
+        )
 
 
 def test_degrees_and_radians_are_the_same_pose(capsys):
