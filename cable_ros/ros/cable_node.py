@@ -19,6 +19,7 @@ from rclpy.logging import get_logging_directory
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
@@ -65,6 +66,7 @@ class CableNode(Node):
         self._out = Outbox(self)
         self._live: LiveScene | None = None
         self._urdf: str | None = None
+        self._robot: Subscription | None = None
         self._waiting = ""
         self._next = {"polylines": 0.0, "markers": 0.0}
         self._reported: tuple[Any, ...] = ()
@@ -110,8 +112,8 @@ class CableNode(Node):
 
     # -- the scene ---------------------------------------------------------------------------------------
 
-    def _load(self) -> None:
-        """Load the scene and track it; where it has links but no robot, wait for the robot description."""
+    def _load(self) -> bool:
+        """Load the scene and track it; False where it has links but no robot: the robot is waited for."""
         path = self._scene_path
         try:
             scene = load_scene(path, urdf=self._urdf)
@@ -119,7 +121,7 @@ class CableNode(Node):
             if self._urdf is not None or "robot_description" not in str(error):
                 raise
             self._wait_for_robot()
-            return
+            return False
         self.get_logger().info("Compiling the solver; joint states are taken after that.")
         tracker = Tracker(scene, self._value("tolerance"), self._value("polyline_points"))
         old, self._live = self._live, None
@@ -127,8 +129,11 @@ class CableNode(Node):
             old.destroy(self)
         frame = self._value("world_frame") or world_frame(scene.robot)
         live = LiveScene(self, scene, tracker, self._joint_states.topic, frame, self._note)
+        if old is not None:
+            live.states.carry_on(old.states)
         seconds = live.warm_up()
-        # What was made so far lives as long as the node: the collector need not look at it again.
+        # What was made so far lives as long as the scene: the collector need not look at it again.
+        gc.unfreeze()
         gc.collect()
         gc.freeze()
         self._live = live
@@ -144,12 +149,14 @@ class CableNode(Node):
         self._out.flush()
         if logging:
             self._start_log()
+        return True
 
     def _wait_for_robot(self) -> None:
         topic = self.resolve_topic_name(self._value("robot_description_topic"))
         self._waiting = f"{self._scene_path} names no robot; waiting for its URDF on '{topic}'."
         self.get_logger().info(self._waiting)
-        self._robot = self.create_subscription(String, topic, self._on_robot_description, _LATCHED_INPUT)
+        if self._robot is None:
+            self._robot = self.create_subscription(String, topic, self._on_robot_description, _LATCHED_INPUT)
 
     def _on_robot_description(self, message: String) -> None:
         if self._live is not None:
@@ -243,9 +250,8 @@ class CableNode(Node):
     def _report(self) -> None:
         live, name = self._live, self.get_name()
         publishers = self.count_publishers(self._joint_states.topic)
-        solved = live.solved if live else 0
         entries = [
-            self._health.joint_states(live.states if live else None, self._waiting, publishers, solved),
+            self._health.joint_states(live.states if live else None, self._waiting, publishers),
             self._health.log(self._out.recorder),
         ]
         if live is not None:
@@ -329,11 +335,10 @@ class CableNode(Node):
 
     def _on_reload_scene(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
         try:
-            self._load()
+            answer.success = self._load()
+            answer.message = f"{self._scene_path} is loaded." if answer.success else self._waiting
         except SceneError as error:
             answer.success, answer.message = False, f"{error}; the old scene stays."
-            return answer
-        answer.success, answer.message = True, f"{self._scene_path} is loaded."
         return answer
 
     def close(self) -> None:

@@ -31,16 +31,13 @@ class Health:
         """A joint state came."""
         self._last_message = time.monotonic()
 
-    def joint_states(
-        self, states: JointStates | None, waiting: str, publishers: int, solved: int
-    ) -> DiagnosticStatus:
+    def joint_states(self, states: JointStates | None, waiting: str, publishers: int) -> DiagnosticStatus:
         """The entry of the joint states; what was noted is told and then forgotten.
 
         Args:
             states: None while the scene waits for its robot.
             waiting: what it waits for.
             publishers: how many there are on the topic.
-            solved: how many poses were solved so far.
         """
         name = f"{self.name}: joint states"
         if states is None:
@@ -64,7 +61,7 @@ class Health:
         counters = states.counters
         values: dict[str, object] = {
             "received": counters.received,
-            "solved": solved,
+            "solved": counters.solved,
             "skipped": counters.skipped,
             "lost": counters.lost,
             "rejected": counters.rejected,

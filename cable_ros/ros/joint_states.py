@@ -58,6 +58,7 @@ class Counters:
     """What became of the joint states."""
 
     received: int = 0
+    solved: int = 0
     skipped: int = 0
     """Taken in but not solved, because a newer one had come already."""
     lost: int = 0
@@ -92,6 +93,10 @@ class JointStates:
         self._layouts: dict[tuple[tuple[str, ...], int, int, int], _Layout] = {}
         self._lost = LostMessages()
         self._complete = False
+
+    def carry_on(self, before: JointStates) -> None:
+        """Go on counting where another scene's stopped."""
+        self.counters, self._lost = before.counters, before._lost
 
     def missing(self) -> list[str]:
         """Needed joints that were never seen."""

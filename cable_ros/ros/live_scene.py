@@ -63,7 +63,6 @@ class LiveScene:
         self._markers: dict[str, CableMarkers] = {}
         self._obstacles = ObstacleMarkers(scene, world_frame) if scene.obstacles else None
         self.equilibria: dict[str, Equilibrium] = {}
-        self.solved = 0
         self.fresh = True
         """Whether the tracker has solved nothing since it was made or reset."""
         self.statuses: tuple[Status, ...] = ()
@@ -83,7 +82,7 @@ class LiveScene:
     def solve(self) -> None:
         """Solve at the last known joint positions."""
         self.equilibria = self.tracker.solve(self.states.joints())
-        self.solved += 1
+        self.states.counters.solved += 1
         self.fresh = False
         self.statuses = tuple(equilibrium.status for equilibrium in self.equilibria.values())
         for name, equilibrium in self.equilibria.items():
