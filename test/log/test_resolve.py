@@ -102,6 +102,16 @@ def test_a_run_is_reproduced_bit_for_bit(tmp_path, exact):
     assert outcome.relative == 0.0
 
 
+def test_friction_remembers_in_a_replay_what_it_did_in_the_run(tmp_path):
+    node = FakeNode(tmp_path / "run.mcap", scene=share_file("config", "space_arm_sphere.yaml"))
+    for angle in np.radians([*range(20, 70, 2), *range(70, 40, -2)]):
+        node.solve(float(angle))
+    node.close()
+    outcome = again(tmp_path / "run.mcap")
+    assert outcome.comparisons["camera_cable", "end"].compared == 40
+    assert outcome.within(0.0)
+
+
 def test_resets_and_settings_are_repeated_where_they_happened(tmp_path):
     node = FakeNode(tmp_path / "run.mcap")
     for i, angle in enumerate(ANGLES):
