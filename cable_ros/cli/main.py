@@ -108,10 +108,10 @@ def _is_for_the_user(error: Exception) -> bool:
     """Whether the error's text is a sentence about the input, not a fault of the program.
 
     Those are the errors this package defines, what the operating system refuses, and other packages
-    that are not installed.
+    that are not installed or do not fit the others.
     """
-    if isinstance(error, ModuleNotFoundError):
-        return error.name is not None and not error.name.startswith("cable_ros")
+    if isinstance(error, ImportError):
+        return not (error.name or "").startswith("cable_ros")
     return isinstance(error, OSError) or type(error).__module__.startswith("cable_ros.")
 
 

@@ -107,6 +107,15 @@ def test_a_missing_package_names_the_extra(fake_command, capsys):
     assert "pip install 'cable_ros[parquet]'" in capsys.readouterr().err
 
 
+def test_a_package_that_does_not_fit_says_so_itself(fake_command, capsys):
+    def run(args):
+        raise ImportError("pyarrow requires NumPy 2.0 or newer, found 1.26.4")
+
+    fake_command(run)
+    assert frame.main(["fake"]) == 2
+    assert capsys.readouterr().err == "cable fake: pyarrow requires NumPy 2.0 or newer, found 1.26.4\n"
+
+
 def test_interrupt_is_quiet(fake_command, capsys):
     def run(args):
         signal.raise_signal(signal.SIGINT)
