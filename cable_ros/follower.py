@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -190,7 +191,15 @@ class Follower:
             status = Status.SNAPPED if result.snaps else Status.CONVERGED
             return self._finish(status, self._story(result), result.iterations, poses, begin)
         # the way is barred: the pose itself may still be fine, on the branch with the twist nearest to the last
-        return self._cold(kinematics, joints, poses, begin, self._twist)
+        twist = self._twist
+        anew = self._cold(kinematics, joints, poses, begin, twist)
+        if result.end is End.STUCK and anew.status is Status.CONVERGED:
+            told = (
+                f"lost at {100 * result.at:.4g} % of the step and solved anew: total twist {twist:.3f} -> "
+                f"{anew.total_twist:.3f} rad"
+            )
+            return replace(anew, status=Status.SNAPPED, message=f"{Status.SNAPPED.sentence[:-1]} ({told}).")
+        return anew
 
     def _story(self, result: Walk) -> str:
         if not result.snaps:
@@ -272,6 +281,12 @@ class Follower:
                 iterations += fine.iterations
                 self._take(fine, self._joints)
                 rod = fine.rod
+            if self._estimate > self.tolerance:
+                message = (
+                    f"The end wrench cannot be had to {self.tolerance:.0e}: its estimated error stays"
+                    f" {self._estimate:.1e}."
+                )
+                return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
         if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
             message = FREE

@@ -136,8 +136,9 @@ def judge(
     fault = contact_fault(rod, met, equilibrium)
     if fault is not None:
         return None, fault
-    found = verify(rod, equilibrium, touches(rod, met, equilibrium))
-    fault = pull_fault(found)
+    told = touches(rod, met, equilibrium)
+    found = verify(rod, equilibrium, told)
+    fault = pull_fault(found, told)
     if fault is not None:
         return found, fault
     if not found.converged:

@@ -16,6 +16,8 @@ from cable_ros.scene.kinematics import Kinematics
 
 DEPTH = 1e-6
 """What a cable may be inside an obstacle, parts of its length."""
+STRETCH = 0.02
+"""Forces nearer to each other than this, parts of the length, are summed."""
 ROUNDING = 1e-6
 """Of directions, and of forces relative to the largest."""
 
@@ -98,9 +100,15 @@ def contact_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> s
     return None
 
 
-def pull_fault(found: Verification) -> str | None:
-    """Whether a surface would have to pull to keep the true rod on it."""
-    forces = found.normal_forces
-    if len(forces) and forces.min() < -1e-3 * max(float(np.abs(forces).max()), 1e-300):
-        return f"balance needs a surface to pull with {-forces.min():.2e} N"
+def pull_fault(found: Verification, touches: list[Touch]) -> str | None:
+    """Whether a surface would have to pull to keep the true rod on it.
+
+    Side by side on a stretch, forces that take turns are all but the same to the rod: their sum is judged.
+    """
+    places = np.array([touch.place for touch in touches])
+    if len(places) == 0 or len(found.normal_forces) != len(places):
+        return None
+    together = (np.abs(places[:, None] - places[None, :]) < STRETCH) @ found.normal_forces
+    if together.min() < -1e-3 * float(np.abs(together).max()):
+        return f"balance needs a surface to pull with {-together.min():.2e} N"
     return None

@@ -211,4 +211,7 @@ class Rod:
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Estimated relative error of the end wrench; see `units.relative_change`."""
-        return relative_change(self.wrench_error(q, F), np.concatenate([F, self.g[-1]]), self.least)
+        change = relative_change(self.wrench_error(q, F), np.concatenate([F, self.g[-1]]), self.least)
+        # the signed change can cancel; the energy that a finer mesh would set free cannot
+        moment = max(float(np.linalg.norm(self.g[-1])), float(np.linalg.norm(F)) ** 0.5, self.least)
+        return max(change, 0.5 * float(self.shares.sum()) / moment)

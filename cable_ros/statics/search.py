@@ -14,7 +14,7 @@ from cable_ros.statics.rod import ORDER, Rod
 from cable_ros.statics.stretching import SLACK, StretchingRod
 from cable_ros.statics.touching import TouchingRod
 
-AIM, ACCEPT = 0.1, 0.7
+AIM, ACCEPT = 0.1, 0.45
 """A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
 TAUT = 0.999
 """A cable that stretches is looked for straight first where its chord is longer than this part of its length."""
