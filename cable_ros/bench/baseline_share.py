@@ -69,7 +69,7 @@ def attempt(name: str, rod: Rod, ours: Equilibrium) -> Attempt:
     seconds = time.perf_counter() - began
     if not np.all(np.isfinite(result.points)) or not np.all(np.isfinite(result.end_wrench)):
         return Attempt(False, np.inf, seconds, NOT_FINITE)
-    even = result.at(np.linspace(0.0, rod.length, max(201, result.nodes)))
+    even = result.at(np.linspace(0.0, result.arc_length[-1], max(201, result.nodes)))
     to_clamp = Rotation.from_quat(rod.start[3:]).inv()
     start_wrench = np.concatenate([to_clamp.apply(even.force[0]), to_clamp.apply(even.moment[0])])
     found = refine(rod, even.points, even.orientations, start_wrench, result.end_wrench)
