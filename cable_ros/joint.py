@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cable_ros.equilibrium import Equilibrium
+from cable_ros.mechanics.quaternion import matrices_from_ros
 from cable_ros.tracker import Tracker
 
 
@@ -194,16 +195,10 @@ def _wrenches_and_jacobians(
     q = np.array([joints[name] for name in tracker.joint_names], dtype=float)
     found = [equilibria[cable.name] for cable in tracker.scene.cables]
     wrenches = np.array([np.concatenate([one.start_wrench, one.end_wrench]) for one in found])
-    to_clamp = np.swapaxes(_frames(tracker.kinematics.poses(q)[..., None, 3:]), -1, -2)
+    orientations = np.ascontiguousarray(tracker.kinematics.poses(q)[..., 3:]).reshape(-1, 4)
+    to_clamp = matrices_from_ros(orientations).transpose(0, 2, 1).reshape(len(found), 2, 1, 3, 3)
     velocities = tracker.kinematics.jacobians(q).reshape(len(found), 2, 2, 3, len(q))
     return wrenches, (to_clamp @ velocities).reshape(len(found), 12, len(q))
-
-
-def _frames(q: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3) of unit quaternions x y z w (..., 4)."""
-    v, w = q[..., :3], q[..., 3, None, None]
-    cross = np.cross(np.eye(3), v[..., None, :])
-    return np.eye(3) + 2.0 * (w * cross + cross @ cross)
 
 
 def _bracket(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -78,6 +78,24 @@ def retract(q, psi, out):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = n * o0, n * o1, n * o2, n * o3
 
 
+@njit(**OPTIONS)
+def matrices_from_ros(q):
+    """The rotation matrices (n, 3, 3) of unit quaternions x y z w, the rows of q (n, 4)."""
+    out = np.empty((q.shape[0], 3, 3))
+    for i in range(q.shape[0]):
+        x, y, z, w = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        out[i, 0, 0] = 1.0 - 2.0 * (y * y + z * z)
+        out[i, 0, 1] = 2.0 * (x * y - z * w)
+        out[i, 0, 2] = 2.0 * (x * z + y * w)
+        out[i, 1, 0] = 2.0 * (x * y + z * w)
+        out[i, 1, 1] = 1.0 - 2.0 * (x * x + z * z)
+        out[i, 1, 2] = 2.0 * (y * z - x * w)
+        out[i, 2, 0] = 2.0 * (x * z - y * w)
+        out[i, 2, 1] = 2.0 * (y * z + x * w)
+        out[i, 2, 2] = 1.0 - 2.0 * (x * x + y * y)
+    return out
+
+
 def from_ros(q: np.ndarray) -> np.ndarray:
     """x y z w to w x y z."""
     return np.roll(np.asarray(q, float), 1, axis=-1)

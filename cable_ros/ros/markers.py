@@ -8,6 +8,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cable_ros.equilibrium import Equilibrium
+from cable_ros.mechanics.quaternion import matrices_from_ros
 from cable_ros.ros.cdr import Template, serialise
 from cable_ros.ros.messages import set_stamp
 from cable_ros.scene.model import Cable
@@ -17,19 +18,6 @@ SIDES = 8
 _DEFAULT_RADIUS_RATIO = 0.01  # of the length, where the scene gives no diameter
 # Colours from no bending moment to the largest: dark blue, teal, yellow (viridis at three places).
 _COLOURS = np.array([[0.27, 0.00, 0.33], [0.13, 0.57, 0.55], [0.99, 0.91, 0.14]])
-
-
-def rotation_matrices(quaternions: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) rotations of (n, 4) unit quaternions x y z w."""
-    x, y, z, w = quaternions.T
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], -1),
-            np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], -1),
-            np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        -2,
-    )
 
 
 def bending_moments(cable: Cable, quaternions: np.ndarray) -> np.ndarray:
@@ -119,7 +107,7 @@ class CableMarkers:
     def fill(self, stamp: int, equilibrium: Equilibrium, force_scale: float) -> bytes:
         """Bytes with the tube and the arrows; `force_scale` is an arrow's length in m/N."""
         points = equilibrium.points
-        frames = rotation_matrices(equilibrium.orientations)
+        frames = matrices_from_ros(equilibrium.orientations)
         rings = points[:, None, :] + np.einsum("nij,jk->nki", frames, self._circle)
         self._points[:] = rings.reshape(-1, 3)[self._corners]
         shades = colours(bending_moments(self._cable, equilibrium.orientations))

@@ -6,7 +6,7 @@ import numpy as np
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cable_ros.mechanics.quaternion import from_ros, multiply, rotate, to_ros
+from cable_ros.mechanics.quaternion import between, from_ros, multiply, rotate, to_ros
 from cable_ros.ros.cdr import Template
 from cable_ros.ros.messages import set_stamp
 from cable_ros.scene.model import Scene
@@ -15,15 +15,8 @@ from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, S
 _COLOUR = ColorRGBA(r=0.55, g=0.58, b=0.62, a=0.6)
 _PATCH = 3.0  # lengths of the longest cable: edge of the part of a plane that is shown
 _SHEET = 1e-3  # of that edge: its thickness
+_UP = np.array([0.0, 0.0, 1.0])
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-
-
-def _turn_to(axis: np.ndarray) -> np.ndarray:
-    """Quaternion w x y z of the shortest turn of z to the direction `axis` (3,)."""
-    unit = axis / np.linalg.norm(axis)
-    quaternion = np.array([1.0 + unit[2], -unit[1], unit[0], 0.0])
-    size = float(np.linalg.norm(quaternion))
-    return quaternion / size if size > 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
 
 
 def _bodies(obstacle: Obstacle, patch: float) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
@@ -36,10 +29,12 @@ def _bodies(obstacle: Obstacle, patch: float) -> list[tuple[int, np.ndarray, np.
     if isinstance(shape, Plane):
         # The sheet lies under the surface.
         point = shape.point - 0.5 * _SHEET * patch * shape.normal
-        return [(Marker.CUBE, point, _turn_to(shape.normal), patch * np.array([1.0, 1.0, _SHEET]))]
+        return [(Marker.CUBE, point, between(_UP, shape.normal), patch * np.array([1.0, 1.0, _SHEET]))]
     axis = shape.end - shape.start
     scale = np.array([2 * shape.radius, 2 * shape.radius, np.linalg.norm(axis)])
-    bodies = [(Marker.CYLINDER, 0.5 * (shape.start + shape.end), _turn_to(axis), scale)]
+    bodies = [
+        (Marker.CYLINDER, 0.5 * (shape.start + shape.end), between(_UP, axis / np.linalg.norm(axis)), scale)
+    ]
     if isinstance(shape, Capsule):
         ball = np.full(3, 2 * shape.radius)
         bodies += [(Marker.SPHERE, end, _UPRIGHT, ball) for end in (shape.start, shape.end)]

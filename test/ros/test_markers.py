@@ -14,7 +14,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cable_ros import Tracker, load_scene
-from cable_ros.ros.markers import CableMarkers, bending_moments, rotation_matrices
+from cable_ros.mechanics.quaternion import matrices_from_ros
+from cable_ros.ros.markers import CableMarkers, bending_moments
 from cable_ros.ros.obstacle_markers import ObstacleMarkers
 from cable_ros.scene.kinematics import Kinematics
 from cable_ros.scene.text import parse_yaml
@@ -66,7 +67,7 @@ def test_tube_and_arrows(arm, count):
         middles = corners.mean(axis=1)
         nearest = np.linalg.norm(middles[:, None] - equilibrium.points[None], axis=2).argmin(axis=1)
         assert np.all(np.sum(normals * (middles - equilibrium.points[nearest]), axis=1) > 0)
-    frames = rotation_matrices(equilibrium.orientations)
+    frames = matrices_from_ros(equilibrium.orientations)
     for arrow, index, wrench in ((end, -1, equilibrium.end_wrench), (start, 0, equilibrium.start_wrench)):
         tail, tip = points_of(arrow)
         np.testing.assert_allclose(tail, equilibrium.points[index], atol=1e-15)
@@ -158,7 +159,7 @@ def test_obstacles():
     def place(name, number=0):
         pose = markers[f"obstacle/{name}", number].pose
         p, q = pose.position, pose.orientation
-        return np.array([p.x, p.y, p.z]), rotation_matrices(np.array([[q.x, q.y, q.z, q.w]]))[0]
+        return np.array([p.x, p.y, p.z]), matrices_from_ros(np.array([[q.x, q.y, q.z, q.w]]))[0]
 
     def scale(name, number=0):
         size = markers[f"obstacle/{name}", number].scale
