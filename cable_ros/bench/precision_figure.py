@@ -127,14 +127,14 @@ def _bars(axes: Axes, rows: Sequence[Row]) -> None:
         axes.annotate(
             f"{row.seconds * 1e6:.0f} µs",
             (row.seconds * 1e6, place),
-            xytext=(-4, 0),
+            xytext=(4, 0),
             textcoords="offset points",
-            ha="right",
             va="center",
-            color="white",
+            color=COLOURS["cable_ros"],
             fontsize=8.5,
         )
     axes.set_yticks(places, [row.setting for row in rows])
+    axes.set_xlim(right=1.25e6 * max((row.seconds for row in rows), default=1e-6))
     axes.set_ylim(-0.6, max(len(rows), 3) - 0.4)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("time per equilibrium (µs)")
