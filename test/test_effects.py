@@ -144,3 +144,27 @@ def test_environment_that_is_refused_changes_nothing(values: dict[str, Any], sen
 def test_a_scene_without_tables_says_so() -> None:
     with pytest.raises(ValueError, match="the scene gives it no table"):
         Tracker(changed("space_arm.yaml")).set_environment({"temperature": 20.0})
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.35])
+def test_environment_changes_while_the_cable_touches(friction: float) -> None:
+    temperature = parse_yaml(COLD.read_text(), str(COLD))["cables"][0]["temperature"]
+    ball = {"sphere": {"center": [0.092, 0.010, -0.095], "radius": 0.045}, "friction": friction}
+    scene = changed("space_arm_sphere.yaml", temperature=temperature, obstacles=[{"name": "ball", **ball}])
+    tracker = Tracker(scene, tolerance=1e-4)
+    for angle in np.radians(np.arange(30, 66, 3)):
+        found = tracker.solve({"orientation": float(angle)})[CABLE]
+    touched = []
+    for value in (-50.0, 20.0, 100.0, -150.0, 60.0):
+        tracker.set_environment({"temperature": value})
+        found = tracker.solve({"orientation": float(angle)})[CABLE]
+        assert found.status is Status.CONVERGED
+        touched.append(len(found.contacts) > 0)
+        if not friction:  # with it, the way counts
+            fresh = Tracker(scene, tolerance=1e-5)
+            fresh.set_environment({"temperature": value})
+            cold = fresh.solve({"orientation": float(angle)})[CABLE]
+            assert relative(found.end_wrench, cold.end_wrench) < 2e-4
+    assert touched[2]  # warm and soft it rests on the ball,
+    assert not touched[3]  # cold and stiff it is clear of it,
+    assert touched[4]  # and comes back
