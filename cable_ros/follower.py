@@ -192,6 +192,8 @@ class Follower:
             return self._finish(status, self._story(result), result.iterations, poses, begin)
         # the way is barred: the pose itself may still be fine, on the branch with the twist nearest to the last
         twist = self._twist
+        # the rod is where the walk ended, maybe on another mesh: what comes next goes on from there
+        self._q, self._F, self._joints = result.q, result.F, origin + result.at * (joints - origin)
         anew = self._cold(kinematics, joints, poses, begin, twist)
         if result.end is End.STUCK and anew.status is Status.CONVERGED:
             told = (
