@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cable_ros.mechanics.effects.contact_kernels import curve
-from cable_ros.statics.touch_kernels import FLAT, FORCE, OBSTACLE, PLACE, TIE, press
+from cable_ros.statics.touch_kernels import FLAT, FORCE, LENGTH, OBSTACLE, PLACE, TIE, press
 from cable_ros.statics.touch_system import FRICTIONLESS
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ class Softened:
 
     Args:
         rod: the rod, whose contact points it uses up.
-        stiffness: of the springs, EI / L^3.
+        stiffness: of the springs per length, EI / L^4.
         samples: (m,) arc lengths where they stand; the rod's own where they are not given.
     """
 
@@ -37,8 +37,9 @@ class Softened:
         rod = self.rod
         curve(x, rod.h, rod.tables[0], rod.primitives, rod.c)
         _, rod.count = press(rod.c, rod.h, rod.s0, self.samples, rod.spacing, rod.obstacles, rod.points, rod.count,
-                             self.phi, self.stiffness)  # fmt: skip
-        return 0.5 * float((rod.points[: rod.count, FORCE] ** 2).sum()) / self.stiffness
+                             self.phi, self.stiffness, True)  # fmt: skip
+        springs = rod.points[: rod.count]
+        return 0.5 * float((springs[:, FORCE] ** 2 / springs[:, LENGTH]).sum()) / self.stiffness
 
     def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
         energy, c = self.rod.value(x)
@@ -48,7 +49,7 @@ class Softened:
         rod = self.rod
         penalty = self._press(x)
         rod.rows = rod.system(x, y, FRICTIONLESS)
-        rod.delta[3 : 3 + rod.count] = 1.0 / self.stiffness
+        rod.delta[3 : 3 + rod.count] = 1.0 / (self.stiffness * rod.points[: rod.count, LENGTH])
         g = rod.g.ravel().copy()
         g[:3] = g[-3:] = 0.0
         rod._normal = None

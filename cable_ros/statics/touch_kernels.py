@@ -21,16 +21,23 @@ CAPACITY = 240
 FINE = 16
 """About the ends of a stretch there are so many samples for one elsewhere: where it lifts off decides the wrench."""
 MOST_SAMPLES = 2400
-SPRING = 1e9
-"""Stiffness of a flat point, EI / L^3: what is pressed with 100 EI / L^2 sinks in by 1e-7 of the length."""
+FOUNDATION = 1e10
+"""Stiffness of the springs under a stretch per length of the cable, EI / L^4.
+
+A pressure of 100 EI / L^3 sinks in by 1e-8 of the length, and the force where the cable lifts off, spread over about
+(EI / FOUNDATION)^1/4 = 0.003 of it, by some 1e-7.
+"""
 LYING = 6
 """So many samples has an element that lies on a surface at most."""
+LONG = 4.0
+"""What is inside over so many samples is no point contact."""
 APART = 2.5
 """Around a sliding point so many samples are its own."""
-OBSTACLE, PLACE, FLAT, FORCE, FRICTION, HELD, TIE = 0, 1, 2, 3, 4, 7, 10
+OBSTACLE, PLACE, FLAT, FORCE, FRICTION, HELD, TIE, LENGTH = 0, 1, 2, 3, 4, 7, 10, 11
 """Columns of the contact points (CAPACITY, COLUMNS): obstacle, arc length, 1 for flat, normal force, friction (3), the
-friction of the last equilibrium (3), and the boundary between elements that goes with the point (-1: none)."""
-COLUMNS = 11
+friction of the last equilibrium (3), the boundary between elements that goes with the point (-1: none), and the length
+of cable that a flat point stands for."""
+COLUMNS = 12
 NARROWEST = 0.12
 """A boundary slides no nearer to its neighbours than this part of the way between them."""
 
@@ -261,6 +268,25 @@ def within(points, count, samples, spacing):
 
 
 @njit(**OPTIONS)
+def hold_ends(q, h, s0, nodes, spacing, points, count):
+    """Slide a boundary between elements to each end of a stretch: there the shear force jumps."""
+    for i in range(count):
+        points[i, TIE] = points[i, TIE] if points[i, FLAT] == 0.0 else -1.0
+    for i in range(count):
+        s = points[i, PLACE]
+        if points[i, FLAT] != 1.0 or s < 1.5 * spacing or s > 1.0 - 1.5 * spacing:
+            continue
+        first, last = True, True
+        for k in range(count):
+            if k != i and points[k, FLAT] == 1.0 and points[k, OBSTACLE] == points[i, OBSTACLE]:
+                d = points[k, PLACE] - s
+                first = first and not -1.5 * spacing < d < 0.0
+                last = last and not 0.0 < d < 1.5 * spacing
+        if (first or last) and tie(points, count, i, h, s0):
+            slide(q, h, s0, nodes, int(points[i, TIE]), s)
+
+
+@njit(**OPTIONS)
 def find_sample(samples, s):
     """The index of the sample at s; -1: there is none."""
     k = np.searchsorted(samples, s - 1e-12)
@@ -282,35 +308,104 @@ def share(points, count, reach):
 
 
 @njit(**OPTIONS)
-def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness):
-    """Let the flat points be the samples that are inside an obstacle, with their springs' forces.
+def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness, anywhere):
+    """Let the flat points be the samples that are inside an obstacle, on springs of `stiffness` per length.
 
-    Those that were flat points before keep their friction. Returns (how many have come or gone, count).
+    Those that were flat points before keep their friction. New ones come beside old ones, or `anywhere`. Returns (how
+    many have come or gone, count).
     """
     scan(c, h, s0, samples, obstacles, phi)
     changes = 0
     m = samples.shape[0]
-    known = np.zeros((obstacles.shape[0], m), np.bool_)
+    # 0: nothing, 1: was a flat point, 2: is beside one
+    known = np.zeros((obstacles.shape[0], m), np.int8)
     i = 0
     while i < count:
         if points[i, FLAT] == 1.0:
             o, k = int(points[i, OBSTACLE]), find_sample(samples, points[i, PLACE])
-            if k < 0 or phi[o, k] >= 0.0 or owned(points, count, o, samples[k], APART * spacing):
+            if k < 0:
+                k = min(np.searchsorted(samples, points[i, PLACE]), m - 1)
+                if known[o, k] == 0:
+                    known[o, k] = 2
+                count = remove(points, count, i)
+                continue
+            if phi[o, k] >= 0.0 or owned(points, count, o, samples[k], APART * spacing):
+                known[o, k] = 2
                 count = remove(points, count, i)
                 changes += 1
                 continue
-            known[o, k] = True
-            points[i, FORCE] = -stiffness * phi[o, k]
+            known[o, k] = 1
+            points[i, LENGTH] = 0.5 * (samples[k + 1] - samples[k - 1])
+            points[i, FORCE] = -stiffness * points[i, LENGTH] * phi[o, k]
         i += 1
     for o in range(obstacles.shape[0]):
-        for k in range(1, m - 1):
-            if phi[o, k] < 0.0 and not known[o, k] and not owned(points, count, o, samples[k], APART * spacing):
+        for direction in range(2):
+            last = -1
+            for j in range(1, m - 1):
+                k = j if direction == 0 else m - 1 - j
+                if known[o, k] > 0:
+                    last = k
+                if phi[o, k] >= 0.0 or known[o, k] == 1:
+                    continue
+                beside = last >= 0 and abs(samples[k] - samples[last]) < 1.6 * spacing
+                if not (anywhere or beside) or owned(points, count, o, samples[k], APART * spacing):
+                    continue
                 if count < points.shape[0]:
                     count = add(points, count, o, samples[k], True, 0.0)
-                    points[count - 1, FORCE] = -stiffness * phi[o, k]
+                    points[count - 1, LENGTH] = 0.5 * (samples[k + 1] - samples[k - 1])
+                    points[count - 1, FORCE] = -stiffness * points[count - 1, LENGTH] * phi[o, k]
                     share(points, count, 1.5 * spacing)
                     changes += 1
+                    known[o, k] = 1
+                    last = k
     return changes, count
+
+
+@njit(**OPTIONS)
+def lay(points, count, o, low, high, samples, spacing):
+    """Make low..high on obstacle o a stretch, with the sliding points about it, which give it their force."""
+    total = np.zeros(HELD + 3 - FORCE)
+    i = 0
+    while i < count:
+        s = points[i, PLACE]
+        near = low - APART * spacing < s < high + APART * spacing
+        if points[i, OBSTACLE] == o and points[i, FLAT] == 0.0 and near:
+            total += points[i, FORCE : HELD + 3]
+            low, high = min(low, points[i, PLACE]), max(high, points[i, PLACE])
+            count = remove(points, count, i)
+        else:
+            i += 1
+    before = count
+    for k in range(1, samples.shape[0] - 1):
+        if low - 0.75 * spacing < samples[k] < high + 0.75 * spacing:
+            count = add(points, count, o, samples[k], True, 1e-9)
+    for i in range(before, count):
+        points[i, FORCE : HELD + 3] = total / (count - before)
+        points[i, LENGTH] = spacing
+    return count
+
+
+@njit(**OPTIONS)
+def flatten(q, h, s0, nodes, c, samples, spacing, obstacles, points, count):
+    """Make the pressed sliding points where the gap is no minimum any more stretches; returns (changed, count).
+
+    The cable has become as curved as the surface there.
+    """
+    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    changed = False
+    i = 0
+    while i < count:
+        if points[i, FLAT] == 0.0 and points[i, FORCE] > 0.0:
+            o, s = int(points[i, OBSTACLE]), points[i, PLACE]
+            _, _, curvature = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
+            if curvature < 0.0:
+                count = lay(points, count, o, s - 0.75 * spacing, s + 0.75 * spacing, samples, spacing)
+                changed = True
+                i = 0
+                continue
+        i += 1
+    return changed, count
 
 
 @njit(**OPTIONS)
@@ -352,17 +447,19 @@ def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth
                     total += points[i, FORCE : HELD + 3]
             if owned(points, count, o, s, APART * spacing):
                 # two minima closer than the samples can tell: the cable begins to lie on the surface
-                i = 0
-                while i < count:
-                    if (points[i, OBSTACLE] == o and points[i, FLAT] == 0.0
-                            and abs(points[i, PLACE] - s) < APART * spacing):  # fmt: skip
-                        count = remove(points, count, i)
-                    else:
-                        i += 1
+                count = lay(points, count, o, s, s, samples, spacing)
                 changed = True
             elif pressed == 0 or (contract and pressed <= 2):
-                count = add(points, count, o, s, False, 0.0)
-                points[count - 1, FORCE : HELD + 3] = total
+                first, last = k, k
+                while first > 1 and phi[o, first - 1] < -depth:
+                    first -= 1
+                while last < m - 2 and phi[o, last + 1] < -depth:
+                    last += 1
+                if samples[last] - samples[first] > LONG * spacing:
+                    count = lay(points, count, o, samples[first], samples[last], samples, spacing)
+                else:
+                    count = add(points, count, o, s, False, 0.0)
+                    points[count - 1, FORCE : HELD + 3] = total
                 changed = True
     return changed, count
 

@@ -17,7 +17,7 @@ from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_d
 from cable_ros.solve import banded
 from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
-from cable_ros.statics.touch_kernels import FLAT, FORCE, FRICTION, HELD, OBSTACLE, MOST_SAMPLES, PLACE, SPRING, coarse, gap_at, grid, place_points, press, revise, within
+from cable_ros.statics.touch_kernels import FLAT, FORCE, FRICTION, HELD, OBSTACLE, MOST_SAMPLES, PLACE, FOUNDATION, LENGTH, coarse, flatten, gap_at, grid, hold_ends, place_points, press, revise, within
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -229,7 +229,7 @@ def system(
             for j in range(nd):
                 way[a, 3 * first + j] += own[a, j]
         row(V, 3 + i, normals[i], way)
-        delta[3 + i] = 1.0 / SPRING if points[i, FLAT] == 1.0 else 0.0
+        delta[3 + i] = 1.0 / (FOUNDATION * points[i, LENGTH]) if points[i, FLAT] == 1.0 else 0.0
         lines[3 + i] = normals[i]
         begin = rows
         upto[3 + i] = e
@@ -349,6 +349,8 @@ def touch(
     last = q.shape[0] - 1
     q_new[:] = q
     F_new[:] = F
+    if not ready:
+        hold_ends(q_new, h, s0, nodes, spacing, points, count)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
     total, size = 0, 0.0
     lift, moved, convex = True, False, True
@@ -357,8 +359,15 @@ def touch(
         for iteration in range(25):
             changes = 0
             if not lift:
+                curve(q_new, h, N, primitives, c)
+                flattened, count = flatten(q_new, h, s0, nodes, c, samples, spacing, obstacles, points, count)
                 moved = not place_points(q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count)
-                changes, count = press(c, h, s0, samples, spacing, obstacles, points, count, phi, SPRING)
+                if flattened or (iteration == 0 and revision > 0):
+                    changes = 1  # the set that has just been chosen holds for a step
+                else:
+                    changes, count = press(
+                        c, h, s0, samples, spacing, obstacles, points, count, phi, FOUNDATION, False
+                    )
             else:
                 curve(q_new, h, N, primitives, c)
             full = not (lift and ready)
@@ -417,7 +426,7 @@ def touch(
             return NOT_CONTRACTING, total, count, rows, moved
         changed, count = revise(
             q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi,
-            revision < 6,
+            revision == 0,
         )  # fmt: skip
         if not within(points, count, samples, spacing):
             samples = buffer[: grid(points, count, cells, buffer)]

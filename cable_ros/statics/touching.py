@@ -15,12 +15,13 @@ from cable_ros.statics.touch_kernels import (
     COLUMNS,
     FLAT,
     FORCE,
+    FOUNDATION,
     FRICTION,
     HELD,
     LYING,
     MOST_SAMPLES,
+    OBSTACLE,
     PLACE,
-    SPRING,
     TIE,
     coarse,
     dips,
@@ -31,10 +32,14 @@ from cable_ros.statics.touch_kernels import (
 from cable_ros.statics.touch_system import FRICTIONLESS, SLIDING, nodal, point_forces, system, touch
 
 ROWS = 3 + 5 * CAPACITY
-SPRINGS = (1e3, 1e5, 1e7, SPRING)
-"""Stiffness of the soft obstacles, EI / L^3, one after the other: the first is for the way, the last tells who touches."""
+SPRINGS = (3e4, 3e6, 3e8, FOUNDATION)
+"""Stiffness of the soft obstacles, EI / L^4, one after the other: the first is for the way, the last tells who touches."""
 MOST_GRIDS = 6
 """So often at most the samples are placed anew about the ends of stretches."""
+DESCENT = Options(radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
+"""For a descent that must not leave its valley."""
+GRID = np.linspace(0.0, 1.0, 33)
+"""Where shapes are compared."""
 CLOSEST = 0.02
 """A boundary is put no nearer than this to another, parts of the length."""
 
@@ -142,10 +147,17 @@ class TouchingRod(Rod):
             )
             if code == compiled.ADVANCED:
                 return q_new, F_new, iterations
-        mesh, total = self.mesh, 0
+        return self._descend(q, F, options, 0)
+
+    def _descend(
+        self, q: np.ndarray, F: np.ndarray, options: Options, first: int
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """As `minimum`, with springs from SPRINGS[first] on; puts contacts and mesh back where it fails."""
+        kept, mesh, total = self._state(), self.mesh, 0
         samples = self.samples
-        for stage in range(len(SPRINGS) + MOST_GRIDS):
+        for stage in range(first, len(SPRINGS) + MOST_GRIDS):
             stiffness = SPRINGS[min(stage, len(SPRINGS) - 1)]
+            self.count = 0
             soft = Softened(self, stiffness, samples)
             result = minimize(soft, q, F, options)
             total += result.iterations
@@ -156,6 +168,7 @@ class TouchingRod(Rod):
             if stage == 0 and self._known(q, result.objective):
                 break
             short = soft.harden(q)
+            self._inherit(kept[0])
             if not self.count:
                 return (q, F, total) if self.refactor(q, F) else None
             if not short:
@@ -177,6 +190,14 @@ class TouchingRod(Rod):
             self._allocate(mesh)
         self._restore(kept)
         return None
+
+    def _inherit(self, before: np.ndarray) -> None:
+        """Let every contact point rub as much, for its force, as the nearest of those `before` did."""
+        for point in self.points[: self.count]:
+            same = before[(before[:, OBSTACLE] == point[OBSTACLE]) & (before[:, FORCE] > 0.0)]
+            if len(same):
+                nearest = same[np.argmin(np.abs(same[:, PLACE] - point[PLACE]))]
+                point[FRICTION:TIE] = nearest[FRICTION:TIE] * point[FORCE] / nearest[FORCE]
 
     def _known(self, q: np.ndarray, energy: float) -> bool:
         """Whether the search has already come by this state of the soft obstacles."""
@@ -232,7 +253,38 @@ class TouchingRod(Rod):
                 self.obstacles = obstacles
                 return code, iterations, q_new, F_new
             self.set_conditions(*before)
-        return self._touch(q, F, qe, re, f, tolerance, limit, obstacles)
+        result = self._touch(q, F, qe, re, f, tolerance, limit, obstacles)
+        return result if result[0] == compiled.ADVANCED else self._give_way(q, F, qe, re, f, limit, obstacles, result)
+
+    def _give_way(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, limit: float,
+        obstacles: np.ndarray, failed: tuple[int, int, np.ndarray, np.ndarray],
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        """A step in which so many contacts change that Newton's method fails: descend with soft obstacles instead.
+
+        Taken only where it ends near the shape before, as a branch that goes on does; else returns `failed`.
+        """
+        assert self.obstacles is not None
+        way = float(np.abs(re - self.re).max() + np.abs(obstacles[:, 1:13] - self.obstacles[:, 1:13]).max())
+        end = qe if q[-1] @ qe > 0.0 else -qe
+        way += 2.0 * float(np.abs(q[-1] - end).max())
+        before, mesh, shape = (self.qe, self.re, self.f, self.obstacles), self.mesh, self.mesh.interpolate(q, GRID)
+        kept = self._state()
+        self.set_conditions(qe, re, f, obstacles)
+        start = q.copy()
+        start[-1] = end
+        found = self._descend(start, F, DESCENT, 1)
+        if found is not None:
+            after = self.mesh.interpolate(found[0], GRID)
+            moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))
+            if moved < min(limit, 0.02 + 20.0 * way):
+                self.drift = 0.0
+                return compiled.ADVANCED, failed[1] + found[2], found[0], found[1]
+        if self.mesh is not mesh:
+            self._allocate(mesh)
+        self._restore(kept)
+        self.set_conditions(*before)
+        return failed
 
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
         nodes = self.mesh.element.nodes
