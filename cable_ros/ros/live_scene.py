@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
@@ -17,7 +19,9 @@ from cable_ros.ros.markers import CableMarkers
 from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, SolvedJointsMessage
 from cable_ros.ros.obstacle_markers import ObstacleMarkers
 from cable_ros.ros.recorder import Outlet
+from cable_ros.scene.errors import SceneError
 from cable_ros.scene.model import Scene
+from cable_ros.share import share_file
 from cable_ros.solve.status import Status
 from cable_ros.tracker import Tracker
 
@@ -25,6 +29,16 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 Send = Callable[[Outlet, bytes], None]
+
+
+def _rehearse_contact() -> None:
+    """Compile what a first contact will need, on a scene of our own: the robot shall not wait for it."""
+    # Without its files or Pinocchio it is compiled at the first contact.
+    with contextlib.suppress(FileNotFoundError, SceneError):
+        tracker = Tracker(str(share_file("config", "space_arm_sphere.yaml")))
+        for degrees in (30.0, 44.0, 45.0, 75.0, 30.0):
+            joints = {"orientation": math.radians(degrees)}
+            joint_load(tracker, tracker.solve(joints), joints)
 
 
 class LiveScene:
@@ -77,6 +91,8 @@ class LiveScene:
                 joint_load(self.tracker, equilibria, joints)
         self.reset()
         self._prepare_markers()
+        if self.scene.obstacles:
+            _rehearse_contact()
         return time.perf_counter() - start
 
     def solve(self) -> None:
