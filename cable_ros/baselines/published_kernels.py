@@ -11,7 +11,8 @@ doi:10.1007/s11071-018-4383-y.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from cable_ros.compilation import njit
 
 SUBDIAGONALS = 20
 NODE = 7

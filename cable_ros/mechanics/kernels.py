@@ -13,7 +13,8 @@ load f per length (docs/method.md, equations 1 to 4).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from cable_ros.compilation import njit
 
 OPTIONS = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
 

@@ -6,7 +6,7 @@ A = L D L^T takes pivots as they come: their signs are the inertia, which tells 
 
 from __future__ import annotations
 
-from numba import njit
+from cable_ros.compilation import njit
 
 OPTIONS = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
 

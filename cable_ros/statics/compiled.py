@@ -6,8 +6,8 @@ The arrays that these functions share are those of `Rod` (rod.py); `tables` are 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from cable_ros.compilation import njit
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.kernels import gradient, hessian
 from cable_ros.statics.estimate import error, margin

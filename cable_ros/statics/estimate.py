@@ -6,8 +6,8 @@ The arrays are those of `Rod` (rod.py); `fine` and `bubble` are `elements.enrich
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from cable_ros.compilation import njit
 from cable_ros.mechanics.kernels import increments, second, section, tangent_derivative
 from cable_ros.solve import banded
 from cable_ros.statics.saddle import border_step, end_rows, solve3

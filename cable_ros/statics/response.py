@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from cable_ros.compilation import njit
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.kernels import gradient
 from cable_ros.statics.compiled import end_coupling, end_rows, saddle_step

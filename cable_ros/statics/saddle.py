@@ -6,8 +6,8 @@ The Hessian is banded; the end position's derivative and whatever else holds the
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from cable_ros.compilation import njit
 from cable_ros.solve import banded
 
 OPTIONS = {"cache": True, "error_model": "numpy"}

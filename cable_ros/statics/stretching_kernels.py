@@ -6,8 +6,8 @@ The arrays are those of `StretchingRod` (stretching.py).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from cable_ros.compilation import njit
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.stretch_kernels import stretch_gradient, stretch_hessian
 from cable_ros.mechanics.kernels import gradient, hessian

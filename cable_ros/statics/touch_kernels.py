@@ -10,8 +10,8 @@ are a pressure. Units of the cable, start clamp's frame.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from cable_ros.compilation import njit
 from cable_ros.mechanics.effects.contact_kernels import curve, direction, find_element, gap, position, shape
 
 OPTIONS = {"cache": True, "error_model": "numpy"}

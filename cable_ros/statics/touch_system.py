@@ -9,15 +9,42 @@ start clamp's frame.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from cable_ros.compilation import njit
 from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.contact_kernels import across, curve, find_element, position, pull, shape, tangent
+from cable_ros.mechanics.effects.contact_kernels import (
+    across,
+    curve,
+    find_element,
+    position,
+    pull,
+    shape,
+    tangent,
+)
 from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_derivative
 from cable_ros.solve import banded
 from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
-from cable_ros.statics.touch_kernels import FLAT, FORCE, FRICTION, HELD, OBSTACLE, MOST_SAMPLES, PLACE, FOUNDATION, LENGTH, coarse, flatten, gap_at, grid, hold_ends, place_points, press, revise, within
+from cable_ros.statics.touch_kernels import (
+    FLAT,
+    FORCE,
+    FOUNDATION,
+    FRICTION,
+    HELD,
+    LENGTH,
+    MOST_SAMPLES,
+    OBSTACLE,
+    PLACE,
+    coarse,
+    flatten,
+    gap_at,
+    grid,
+    hold_ends,
+    place_points,
+    press,
+    revise,
+    within,
+)
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 

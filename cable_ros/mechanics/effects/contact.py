@@ -9,9 +9,9 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
+from cable_ros.compilation import njit
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.contact_kernels import BOX, CAPSULE, CYLINDER, PLANE, SPHERE, WIDTH, gap
 from cable_ros.mechanics.effects.effect import Environment, Properties

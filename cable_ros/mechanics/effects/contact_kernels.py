@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from cable_ros.compilation import njit
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 

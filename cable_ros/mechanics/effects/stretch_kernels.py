@@ -12,8 +12,8 @@ positive `reach`, which joins the Schur complement of the saddle system.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from cable_ros.compilation import njit
 from cable_ros.mechanics.kernels import increments
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
