@@ -210,6 +210,7 @@ class CableNode(Node):
         live.solve()
         self._out.send(self._solved_joints, live.solved_joints(stamp))
         live.send_loads(self._out.send, stamp, self._joint_load, self._joint_stiffness)
+        live.note()
         if self._is_time_for("polylines", self._value("polyline_rate")):
             live.send_polylines(self._out.send, stamp)
         if self._markers.wanted() and self._is_time_for("markers", self._value("marker_rate")):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -59,12 +59,10 @@ class CableOutputs:
         if self.worst is None or level(equilibrium.status) >= level(self.worst.status):
             self.worst = equilibrium
 
-    def wrenches(self, stamp: int, equilibrium: Equilibrium) -> list[tuple[Outlet, bytes]]:
-        """The messages of both wrenches."""
-        return [
-            (self.end_wrench, self._end_message.fill(stamp, equilibrium.end_wrench)),
-            (self.start_wrench, self._start_message.fill(stamp, equilibrium.start_wrench)),
-        ]
+    def wrenches(self, stamp: int, equilibrium: Equilibrium) -> Iterator[tuple[Outlet, bytes]]:
+        """The messages of both wrenches, one by one: the first can go out before the second is made."""
+        yield self.end_wrench, self._end_message.fill(stamp, equilibrium.end_wrench)
+        yield self.start_wrench, self._start_message.fill(stamp, equilibrium.start_wrench)
 
     def path(self, stamp: int, equilibrium: Equilibrium) -> tuple[Outlet, bytes]:
         """The message of the polyline."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import struct
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from cable_ros.ros.cdr import Reader
 
 _NANO = 1_000_000_000
+_STAMP_START = 4
 _NAMES_START = 12  # header of four bytes, stamp of eight
 _MAX_LAYOUTS = 64
 
@@ -17,16 +20,16 @@ _MAX_LAYOUTS = 64
 class _Layout:
     """What the name list of one publisher means, worked out once."""
 
-    sources: np.ndarray
-    targets: np.ndarray
+    places: list[tuple[int, int]]
+    """Index in the message and among the needed joints, of every needed joint that it has."""
     error: str
     warning: str
     key: bytes = b""
     prefix: bytes = b""
     size: int = 0
-    dtype: str = ""
+    format: str = ""
     start: int = 0
-    count: int = 0
+    stamp_format: str = ""
     last_stamp: int = 0
 
 
@@ -131,21 +134,22 @@ class JointStates:
             self.fault = layout.warning
             if layout.error:
                 raise ValueError(layout.error)
-            values = np.frombuffer(data, layout.dtype, layout.count, layout.start)[layout.sources]
-            finite = np.isfinite(values)
-            if not finite.all():
-                bad = int(np.argmin(finite))
-                name = self.needed[layout.targets[bad]]
-                raise ValueError(f"has the position {values[bad]} for '{name}'; a finite number is needed")
+            positions = struct.unpack_from(layout.format, data, layout.start)
+            for source, target in layout.places:
+                if not math.isfinite(positions[source]):
+                    name = self.needed[target]
+                    raise ValueError(
+                        f"has the position {positions[source]} for '{name}'; a finite number is needed"
+                    )
         except ValueError as error:
             self.counters.rejected += 1
             self.fault = f"A joint state on '{self.topic}' {error}; the message is ignored."
             return False
-        if not len(layout.targets) and self.needed:
+        if not layout.places and self.needed:
             self.counters.other += 1
             return False
-        reader = Reader(data)
-        self.stamp = reader.number("i") * _NANO + reader.number("I")
+        seconds, nanoseconds = struct.unpack_from(layout.stamp_format, data, _STAMP_START)
+        self.stamp = seconds * _NANO + nanoseconds
         if 0 < self.stamp < layout.last_stamp:
             behind = (layout.last_stamp - self.stamp) * 1e-9
             self.fault = (
@@ -153,7 +157,8 @@ class JointStates:
                 "last equilibrium. Call ~/reset if this is the start of a new run."
             )
         layout.last_stamp = self.stamp
-        self.positions[layout.targets] = values
+        for source, target in layout.places:
+            self.positions[target] = positions[source]
         return True
 
     def _layout(self, data: bytes) -> _Layout:
@@ -178,13 +183,13 @@ class JointStates:
                 self._layouts.pop(next(iter(self._layouts)))
             self._layouts[kind] = found
         found.key, found.prefix, found.size = key, prefix, size
-        found.dtype, found.start, found.count = reader.order + "f8", start, count
+        found.format, found.start = f"{reader.order}{count}d", start
+        found.stamp_format = reader.order + "iI"
         return found
 
     def _new_layout(self, names: tuple[str, ...], count: int, others: dict[str, int]) -> _Layout:
         order = {name: index for index, name in enumerate(names)}
-        targets = [index for index, name in enumerate(self.needed) if name in order]
-        sources = [order[self.needed[index]] for index in targets]
+        places = [(order[name], index) for index, name in enumerate(self.needed) if name in order]
         error = warning = ""
         if count != len(names):
             error = f"has {count} positions for {len(names)} names; there must be one for each"
@@ -197,4 +202,4 @@ class JointStates:
                     f"Joint states on '{self.topic}' have {length} {what} for {len(names)} names; "
                     "the positions are used all the same."
                 )
-        return _Layout(np.array(sources, dtype=np.intp), np.array(targets, dtype=np.intp), error, warning)
+        return _Layout(places, error, warning)

@@ -100,6 +100,9 @@ class LiveScene:
         self.equilibria = self.tracker.solve(self.states.joints())
         self.states.counters.solved += 1
         self.fresh = False
+
+    def note(self) -> None:
+        """Remember how it went, for the diagnostics."""
         self.statuses = tuple(equilibrium.status for equilibrium in self.equilibria.values())
         for name, equilibrium in self.equilibria.items():
             self.cables[name].note(equilibrium)
