@@ -136,7 +136,7 @@ def judge(
     fault = contact_fault(rod, met, equilibrium)
     if fault is not None:
         return None, fault
-    told = touches(rod, met, equilibrium)
+    told = sorted(touches(rod, met, equilibrium), key=lambda touch: touch.place)
     found = verify(rod, equilibrium, told)
     fault = pull_fault(found, told)
     if fault is not None:

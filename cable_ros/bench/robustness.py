@@ -48,7 +48,8 @@ def run(args: argparse.Namespace) -> int:
         return _run_one(args)
     steps = args.cases if args.steps is None else args.steps
     paths = -(-steps // STEPS)
-    run_case(tracked_case(args.seed, 0, args.tolerance, steps=3))  # compiling is not solving
+    for warm in (tracked_case(args.seed, 0, args.tolerance, steps=3), contact_case(0, 0, args.tolerance)):
+        run_case(warm)  # compiling is not solving
     cold = Tally("cold starts")
     for outcome in _progress(
         (run_case(cold_case(args.seed, i, args.tolerance)) for i in range(args.cases)), args.cases, "cold"

@@ -27,6 +27,8 @@ class Touch:
     """Along the gradient."""
     friction: np.ndarray
     """(3,)"""
+    holds: bool = True
+    """Whether the force is whatever holds the point on the surface, or as it stands."""
 
 
 def resample(

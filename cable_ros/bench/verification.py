@@ -100,6 +100,7 @@ def verify(
     claimed = (claim.points, claim.orientations, claim.start_wrench, claim.end_wrench)
     if not all(np.all(np.isfinite(a)) for a in claimed):
         return _failed(0)
+    touches = _spread(touches)
     tries = [refine(rod, *claimed, touches, iterations=iterations)]
     if touches:
         tries += _slid(rod, claimed, touches, tries[0], iterations)
@@ -110,6 +111,20 @@ def verify(
 
 ALONE = 0.03
 """A touch farther than this from all others, parts of the length, is where the gap is smallest."""
+
+
+def _spread(touches: Sequence[Touch]) -> list[Touch]:
+    """Touches that hold the rod, at some distance from each other; those in between keep the forces told.
+
+    The rod can hardly tell apart the forces of points side by side, so they cannot be found one by one.
+    """
+    out: list[Touch] = []
+    last = -1.0
+    for touch in sorted(touches, key=lambda touch: touch.place):
+        holds = touch.place - last > 0.5 * ALONE
+        last = touch.place if holds else last
+        out.append(replace(touch, holds=holds))
+    return out
 
 
 def _slid(
@@ -201,6 +216,7 @@ def refine(
     r[-1], frames[-1] = (rod.end[:3] - rod.start[:3]) / rod.length, end_frame.as_matrix()
     at = np.searchsorted(s, [touch.place - 1e-12 for touch in touches])
     normal_forces = np.array([touch.force for touch in touches])
+    holding = [k for k, touch in enumerate(touches) if touch.holds]
 
     def surfaces(r: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
         return [touch.surface(r[node]) for touch, node in zip(touches, at, strict=True)]
@@ -227,8 +243,10 @@ def refine(
         gap = shooting.gap(end_state, (r[1:], frames[1:], force[1:], moment[1:]))
         if not np.all(np.isfinite(gap)):
             break
-        held = [(node, f, *surface) for node, f, surface in zip(at, normal_forces, met, strict=True)]
-        step, pushes = shooting.newton_step(maps, gap, scale, held, neutral)
+        held = [(at[k], normal_forces[k], *met[k]) for k in holding]
+        step, found = shooting.newton_step(maps, gap, scale, held, neutral)
+        pushes = np.zeros(len(touches))
+        pushes[holding] = found
         if not np.all(np.isfinite(step)):
             break
         size = float(np.abs(step / scale).max())

@@ -12,6 +12,8 @@ import numpy as np
 
 from cable_ros.bench.baseline_share import METHODS, attempt
 from cable_ros.bench.cases import Case, Outcome, run_case
+from cable_ros.bench.contact_fuzz import contact_case
+from cable_ros.bench.fuzz import cold_case, tracked_case
 from cable_ros.bench.markdown import markdown_table, write_between
 
 HEAD = ("case", "expected", "status", "error", "iterations", "ms", *METHODS, "verdict")
@@ -47,6 +49,8 @@ def run_zoo(path: Path, markdown: Path | None, baselines: bool = True) -> int:
     from tqdm import tqdm
 
     outcomes, rows = [], []
+    for warm in (cold_case(0, 0, 1e-4), tracked_case(0, 0, 1e-4, steps=3), contact_case(0, 0, 1e-4)):
+        run_case(warm)  # compiling is not solving
     for case in tqdm(load_cases(path), desc="zoo", leave=False, disable=None):
         outcome = run_case(case)
         outcomes.append(outcome)
