@@ -26,9 +26,9 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def decorate(function: Callable[..., Any]) -> Any:
         dispatcher = numba.njit(**options)(function)
-        # with NUMBA_DISABLE_JIT it is the function itself
-        if options.get("cache") and hasattr(dispatcher, "_cache"):
-            file = dispatcher._cache._cache_file
+        # none without caching; with NUMBA_DISABLE_JIT the dispatcher is the function itself
+        file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+        if file is not None:
             file._source_stamp = file._source_stamp, stamp(Path(function.__code__.co_filename))
         return dispatcher
 
