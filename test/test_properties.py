@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 from hypothesis import HealthCheck, given, settings
@@ -12,6 +13,7 @@ from zoo_make import ARM
 
 from cable_ros import Status, Tracker, load_scene
 from cable_ros.bench.cases import Case, run_case
+from cable_ros.bench.contact_fuzz import contact_case
 from cable_ros.bench.fuzz import cold_case, tracked_case
 
 # The same examples in every run, so that CI cannot fail by chance; `cable bench robustness` looks further.
@@ -79,6 +81,19 @@ def test_random_paths_of_the_fuzz_run(index: int) -> None:
 def test_any_tolerance_is_kept(scene: dict, tolerance: float) -> None:
     outcome = run_case(Case("any", "verified", scene, tolerance=tolerance))
     assert outcome.passed, outcome.fault
+
+
+@settings(budget, max_examples=10)
+@given(st.integers(0, 10**6))
+def test_random_scenes_with_obstacles_say_what_they_touch(index: int) -> None:
+    # What is published among obstacles: finite, pushes only, inside the cone, on the surface, nothing inside.
+    outcome = run_case(contact_case(11, index, 1e-4, steps=3))
+    assert len(outcome.steps) == 3, outcome.fault
+    for step in outcome.steps:
+        if step.equilibrium.status.trusted:
+            assert not re.search("pull|cone|off the surface|inside|finite|normal", step.fault or ""), (
+                step.fault
+            )
 
 
 values = st.floats(allow_nan=True, allow_infinity=True) | st.none() | st.text(max_size=3) | st.floats(-4, 4)
