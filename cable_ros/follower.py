@@ -90,6 +90,7 @@ class Follower:
         self._twist: float | None = None
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
+        self._give = 0.0
 
     def become(
         self, properties: Properties, kinematics: Callable[[np.ndarray], np.ndarray], index: int
@@ -290,6 +291,12 @@ class Follower:
                 )
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
+            self._give = rod.give(self._F)
+        if self._estimate + self._give > self.tolerance and status is Status.CONVERGED:
+            message = (
+                f"Converged to a stable equilibrium; where it lies along an obstacle the end wrench is had to"
+                f" {self._estimate + self._give:.1e} only."
+            )
         if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
             message = FREE
         if self.choice is not None:
@@ -301,9 +308,9 @@ class Follower:
         return Equilibrium(
             status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
             end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
-            total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment, error_estimate=self._estimate,
+            total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment, error_estimate=self._estimate + self._give,
             iterations=iterations, solve_time=time.perf_counter() - begin, _touching=self._touching(rod, poses[0]),
-            _tangent=partial(_tangent, rod, rod.qe, rod.re, rod.f, self._q, self._F, unit),
+            _tangent=partial(_tangent, rod.snapshot(), rod.qe, rod.re, rod.f, self._q, self._F, unit),
         )  # fmt: skip
 
     @property
@@ -329,7 +336,9 @@ class Follower:
     def wrenches(self, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
         """(6,), (6,): what the cable exerts at its end and at its start at present, SI, in the clamps' frames."""
         end, start, unit = np.empty(6), np.empty(6), self._units
-        compiled.wrenches(self._F, rod.f + rod.held, rod.qe, rod.g, unit.force, unit.moment, end, start)
+        held, at_end = rod.held()
+        # `wrenches` adds what the start clamp bears beyond the end's
+        compiled.wrenches(self._F - at_end, rod.f + held + at_end, rod.qe, rod.g, unit.force, unit.moment, end, start)
         return end, start
 
     def _touching(self, rod: Rod, start: np.ndarray) -> Callable[[], tuple[Contact, ...]] | None:
@@ -337,7 +346,8 @@ class Follower:
         if not isinstance(rod, TouchingRod) or not rod.count or self._obstacles is None:
             return None
         coefficients = self._obstacles[:, 17] if rod.model != FRICTIONLESS else np.zeros(len(self._obstacles))
-        points, normals = rod.points[: rod.count].copy(), rod.normals[: rod.count].copy()
+        clamped, across = rod.at_clamps()
+        points, normals = np.vstack([rod.points[: rod.count], clamped]), np.vstack([rod.normals[: rod.count], across])
         curve = rod.c.copy(), rod.h.copy(), rod.s0.copy()
         return partial(contacts, points, normals, curve, coefficients, self._names, start.copy(), self._units)
 
@@ -377,10 +387,10 @@ def _choice(chosen: Found, found: list[Found]) -> str:
 
 
 def _tangent(
-    rod: Rod, qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray, unit: Units
+    snapshot: Callable[[], Rod], qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray, unit: Units
 ) -> np.ndarray:
     """`Equilibrium.clamp_stiffness`, from a copy of the rod: the tracker's own may have moved on."""
-    copy = rod.variant() if isinstance(rod, StretchingRod) else Rod(rod.mesh, rod.K, rod.natural)
+    copy = snapshot()
     copy.set_conditions(qe, re, f)
     scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2)
     scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cable_ros.mechanics import quaternion
@@ -18,6 +20,7 @@ ORDER = 6
 
 REFRESH = 0.03
 """Factors, stability margin and error estimate are renewed when a section has turned this far, rad, since."""
+NOTHING = np.zeros(3)
 NO_LINES, NO_ELEMENTS = np.zeros((0, 3)), np.zeros(0, np.int64)
 """For `compiled.error`: nothing is touched."""
 
@@ -84,10 +87,17 @@ class Rod:
         new.set_conditions(self.qe, self.re, self.f / scale)
         return new
 
-    @property
-    def held(self) -> np.ndarray:
-        """(3,) what obstacles push the rod with, in all."""
-        return np.zeros(3)
+    def snapshot(self) -> Callable[[], Rod]:
+        """What makes a rod of its own that stands as this one does now; cheap until it is called."""
+        return self.variant
+
+    def held(self) -> tuple[np.ndarray, np.ndarray]:
+        """(3,), (3,) what obstacles push the rod with in all, but for what they do at the end clamp; and that."""
+        return NOTHING, NOTHING
+
+    def give(self, F: np.ndarray) -> float:
+        """Relative change of the end wrench, to first order, if obstacles gave way by nothing."""
+        return 0.0
 
     # Problem
 

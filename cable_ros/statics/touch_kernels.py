@@ -33,11 +33,12 @@ LONG = 4.0
 """What is inside over so many samples is no point contact."""
 APART = 2.5
 """Around a sliding point so many samples are its own."""
-OBSTACLE, PLACE, FLAT, FORCE, FRICTION, HELD, TIE, LENGTH = 0, 1, 2, 3, 4, 7, 10, 11
+OBSTACLE, PLACE, FLAT, FORCE, FRICTION, HELD, TIE, LENGTH, BEARING = 0, 1, 2, 3, 4, 7, 10, 11, 12
 """Columns of the contact points (CAPACITY, COLUMNS): obstacle, arc length, 1 for flat, normal force, friction (3), the
-friction of the last equilibrium (3), the boundary between elements that goes with the point (-1: none), and the length
-of cable that a flat point stands for."""
-COLUMNS = 12
+friction of the last equilibrium (3), the boundary between elements that goes with the point (-1: none), the length of cable
+that a flat point stands for, and the force at which its spring is at the surface (the multiplier of an augmented
+Lagrangian: it makes up for the spring's give)."""
+COLUMNS = 13
 NARROWEST = 0.12
 """A boundary slides no nearer to its neighbours than this part of the way between them."""
 
@@ -329,14 +330,16 @@ def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness, 
                     known[o, k] = 2
                 count = remove(points, count, i)
                 continue
-            if phi[o, k] >= 0.0 or owned(points, count, o, samples[k], APART * spacing):
+            length = 0.5 * (samples[k + 1] - samples[k - 1])
+            force = points[i, BEARING] - stiffness * length * phi[o, k]
+            if force <= 0.0 or owned(points, count, o, samples[k], APART * spacing):
                 known[o, k] = 2
                 count = remove(points, count, i)
                 changes += 1
                 continue
             known[o, k] = 1
-            points[i, LENGTH] = 0.5 * (samples[k + 1] - samples[k - 1])
-            points[i, FORCE] = -stiffness * points[i, LENGTH] * phi[o, k]
+            points[i, LENGTH] = length
+            points[i, FORCE] = force
         i += 1
     for o in range(obstacles.shape[0]):
         for direction in range(2):
@@ -462,6 +465,21 @@ def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth
                     points[count - 1, FORCE : HELD + 3] = total
                 changed = True
     return changed, count
+
+
+@njit(**OPTIONS)
+def bear(points, count, gaps, sunk):
+    """Where a flat point has sunk in deeper than `sunk`, let all springs bear their force at the surface; whether so."""
+    worst = 0.0
+    for i in range(count):
+        if points[i, FLAT] == 1.0:
+            worst = max(worst, -gaps[i])
+    if worst <= sunk:
+        return False
+    for i in range(count):
+        if points[i, FLAT] == 1.0:
+            points[i, BEARING] = max(points[i, FORCE], 0.0)
+    return True
 
 
 @njit(**OPTIONS)

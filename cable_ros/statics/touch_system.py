@@ -26,6 +26,7 @@ from cable_ros.solve import banded
 from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
 from cable_ros.statics.touch_kernels import (
+    BEARING,
     FLAT,
     FORCE,
     FOUNDATION,
@@ -35,6 +36,7 @@ from cable_ros.statics.touch_kernels import (
     MOST_SAMPLES,
     OBSTACLE,
     PLACE,
+    bear,
     coarse,
     flatten,
     gap_at,
@@ -49,6 +51,8 @@ from cable_ros.statics.touch_kernels import (
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
+MOST_BEARINGS = 0
+"""So often at most in a solve the springs' give is made up for."""
 STICK = 1e6
 """Stiffness of stick, EI / L^3: what sticks creeps by 1e-6 of the length per unit of force."""
 
@@ -380,8 +384,10 @@ def touch(
         hold_ends(q_new, h, s0, nodes, spacing, points, count)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
     total, size = 0, 0.0
+    bearings = 0
+    r, t, dt, nn, dd, bb = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3)), np.empty(2)
     lift, moved, convex = True, False, True
-    for revision in range(40):
+    for revision in range(44):
         converged = False
         for iteration in range(25):
             changes = 0
@@ -417,7 +423,7 @@ def touch(
             for a in range(3):
                 b[a] = totals[a] - re[a]
             for i in range(count):
-                b[3 + i] = gaps[i] + points[i, FORCE] * delta[3 + i]
+                b[3 + i] = gaps[i] + (points[i, FORCE] - points[i, BEARING]) * delta[3 + i]
             if lift:
                 end_coupling(elastic, geometric, V, rows, theta, gv, b)
             border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)
@@ -458,6 +464,15 @@ def touch(
         if not within(points, count, samples, spacing):
             samples = buffer[: grid(points, count, cells, buffer)]
             changed = changed or revision < 8
+        if not changed and bearings < MOST_BEARINGS:
+            for i in range(count):
+                if points[i, FLAT] == 1.0:
+                    place = points[i, PLACE]
+                    gaps[i], _, _ = gap_at(
+                        q_new, h, s0, nodes, c, place, obstacles[int(points[i, OBSTACLE])], r, t, dt, nn, dd, bb
+                    )
+            changed = bear(points, count, gaps, 3.0 * depth)
+            bearings += 1
         if not changed:
             moved = moved or coarse(points, count, h, s0, spacing)
             if not convex and model == FRICTIONLESS:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
+from cable_ros.mechanics.effects.contact import gaps
 from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.mechanics.elements import Mesh, primitives
 from cable_ros.solve.trust_region import Options, minimize
 from cable_ros.statics import compiled
-from cable_ros.statics.rod import REFRESH, Rod
+from cable_ros.statics.response import border_response
+from cable_ros.statics.rod import NOTHING, REFRESH, Rod
+from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.softened import Softened
 from cable_ros.statics.touch_kernels import (
+    BEARING,
     CAPACITY,
     COLUMNS,
     FLAT,
@@ -18,6 +25,7 @@ from cable_ros.statics.touch_kernels import (
     FOUNDATION,
     FRICTION,
     HELD,
+    LENGTH,
     LYING,
     MOST_SAMPLES,
     OBSTACLE,
@@ -30,6 +38,7 @@ from cable_ros.statics.touch_kernels import (
     within,
 )
 from cable_ros.statics.touch_system import FRICTIONLESS, SLIDING, nodal, point_forces, system, touch
+from cable_ros.statics.units import relative_change
 
 ROWS = 3 + 5 * CAPACITY
 SPRINGS = (3e4, 3e6, 3e8, FOUNDATION)
@@ -114,6 +123,7 @@ class TouchingRod(Rod):
         new.model, new.sense = self.model, self.sense
         new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
         new.points[:, FORCE : HELD + 3] /= scale
+        new.points[:, BEARING] /= scale
         if len(new.samples) != len(self.samples):
             # flat points stand at samples: what slides stays
             new.points = new.points[: new.count][new.points[: new.count, FLAT] == 0.0]
@@ -128,11 +138,49 @@ class TouchingRod(Rod):
         """Whether the elements' lengths move with contact points."""
         return self.count > 0
 
-    @property
-    def held(self) -> np.ndarray:
-        """(3,) what obstacles push the rod with, in all."""
+    def at_clamps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Contact points (k, COLUMNS) at the clamps themselves, and their normals (k, 3).
+
+        Where a stretch begins at a clamp, the obstacle carries the half interval next to it, too: with the mean pressure
+        of the samples near by.
+        """
+        rows, normals = [], []
         touching = self.points[: self.count]
-        return (touching[:, FORCE, None] * self.normals[: self.count] + touching[:, FRICTION:HELD]).sum(axis=0)
+        for o in np.unique(touching[touching[:, FLAT] == 1.0, OBSTACLE]):
+            assert self.obstacles is not None
+            mine = np.flatnonzero((touching[:, OBSTACLE] == o) & (touching[:, FLAT] == 1.0))
+            for place, r in ((0.0, self.c[0, 0]), (1.0, self.c[-1].sum(axis=0))):
+                i = mine[np.argmin(np.abs(touching[mine, PLACE] - place))]
+                way = abs(touching[i, PLACE] - place)
+                if way > 1.5 * self.spacing or gaps(self.obstacles[int(o) : int(o) + 1], r)[0] > 1e-5:
+                    continue
+                row = touching[i].copy()
+                row[PLACE] = place
+                near = touching[mine][np.abs(touching[mine, PLACE] - place) < 4.5 * self.spacing]
+                row[FORCE:TIE] = near[:, FORCE:TIE].sum(axis=0) / near[:, LENGTH].sum() * 0.5 * way
+                rows.append(row)
+                normals.append(self.normals[i])
+        return np.array(rows).reshape(-1, COLUMNS), np.array(normals).reshape(-1, 3)
+
+    def held(self) -> tuple[np.ndarray, np.ndarray]:
+        touching = self.points[: self.count]
+        total = (touching[:, FORCE, None] * self.normals[: self.count] + touching[:, FRICTION:HELD]).sum(axis=0)
+        if not (touching[:, FLAT] == 1.0).any():
+            return total, NOTHING
+        points, normals = self.at_clamps()
+        forces = points[:, FORCE, None] * normals + points[:, FRICTION:HELD]
+        end = points[:, PLACE] == 1.0
+        return total + forces[~end].sum(axis=0), forces[end].sum(axis=0)
+
+    def give(self, F: np.ndarray) -> float:
+        flat = self.points[: self.count, FLAT] == 1.0
+        if not flat.any():
+            return 0.0
+        c = np.zeros(self.rows)
+        c[3 : 3 + self.count][flat] = -(self.points[: self.count, FORCE] * self.delta[3 : 3 + self.count])[flat]
+        s, y = self.border_step(np.zeros(self.g.size), c)
+        moment = compiled.end_rows(self.elastic, self.geometric, self.V, self.rows, s, y)
+        return relative_change(np.concatenate([y[:3], moment]), np.concatenate([F, self.g[-1]]), self.least)
 
     # solving
 
@@ -427,6 +475,22 @@ class TouchingRod(Rod):
             self.complement, self.mode, 50,
         ))  # fmt: skip
 
+    def snapshot(self) -> Callable[[], Rod]:
+        return partial(_standing, self, self.mesh, self.points[: self.count].copy(), self.obstacles)
+
+    def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """See `response.clamp_response`; the contacts hold, and friction stays what it is, in the world."""
+        if not self.count:
+            return super().clamp_stiffness(q, F)
+        curve(q, self.h, self.tables[0], self.primitives, self.c)
+        self.rows = self.system(q, F, FRICTIONLESS)
+        self.border_factor(-NEUTRAL, 3 + self.count)
+        held, _ = self.held()
+        return np.asarray(border_response(
+            F, F + self.f + held, self.qe, self.elastic, self.geometric, self.V, self.rows, self.lines,
+            self.mesh.element.order, self.L, self.pivots, self.borders, self.complement, self.g,
+        ))  # fmt: skip
+
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         if not self.count:
             return super().wrench_error(q, F)
@@ -441,3 +505,12 @@ class TouchingRod(Rod):
             self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L, self.pivots, self.borders,
             self.complement, self.g, residual, self.shares,
         ))  # fmt: skip
+
+
+def _standing(rod: TouchingRod, mesh: Mesh, points: np.ndarray, obstacles: np.ndarray | None) -> TouchingRod:
+    """A rod like `rod`, among these obstacles and with these contact points (k, COLUMNS)."""
+    new = rod.variant(mesh)
+    new.count = len(points)
+    new.points[: new.count] = points
+    new.set_conditions(rod.qe, rod.re, rod.f, obstacles)
+    return new
