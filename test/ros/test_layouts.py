@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 import yaml
 
 pytest.importorskip("rclpy", reason="rclpy is not on this machine")
 
-from robot import NODE, PUBLISHED
+from robot import CABLE, NODE, PUBLISHED
 
 from cable_ros.ros.parameters import DECLARATIONS
 from cable_ros.share import share_file
@@ -54,6 +55,19 @@ def test_foxglove_shows_topics_that_there_are():
         shown |= {re.match(r"[\w/]+", path["value"])[0] for path in panel.get("paths", [])}
     assert f"{NODE}/markers" in shown <= TOPICS
     assert set(re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))) == set(panels)
+
+
+def test_the_readme_lists_every_parameter_and_topic():
+    text = (Path(__file__).parents[2] / "README.md").read_text()
+    rows = dict(re.findall(r"^\| `([\w.]+)` \| (.*?) \| .* \|$", text, re.M))
+    for entry in DECLARATIONS:
+        default = str(entry.default).lower() if isinstance(entry.default, bool) else entry.default
+        expected = f"{default:g}" if isinstance(default, int | float) else default
+        assert rows[entry.name].strip("` ") == expected
+        assert entry.description in text
+    for topic in TOPICS - {"/robot_description"}:
+        name = topic.replace(CABLE, "~/<cable>").replace(NODE, "~")
+        assert f"| `{name}` |" in text
 
 
 def test_the_parameter_file_has_every_parameter_with_its_default():
