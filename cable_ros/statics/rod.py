@@ -74,6 +74,10 @@ class Rod:
         """End frame (4,) scalar first, end position (3,), load per length (3,); obstacles: see `TouchingRod`."""
         self.qe, self.re, self.f = qe, re, f
 
+    def suited(self, mesh: Mesh) -> Mesh:
+        """The mesh, changed where this rod has to have boundaries between elements."""
+        return mesh
+
     def variant(
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None, natural: np.ndarray | None = None,
         scale: float = 1.0,

@@ -86,6 +86,7 @@ def settle(rod: Rod, q: np.ndarray, F: np.ndarray, options: Options = Options())
 
 def on_mesh(found: Found, mesh: Mesh) -> Found | None:
     """The same equilibrium on another mesh."""
+    mesh = found.rod.suited(mesh)
     q = found.rod.mesh.interpolate(found.q, mesh.nodes)
     q[0], q[-1] = found.q[0], found.q[-1]
     return settle(found.rod.variant(mesh), q, found.F)

@@ -422,6 +422,19 @@ class TouchingRod(Rod):
         self._restore(kept)
         return compiled.ADVANCED if self.refactor(q, F) else compiled.NOT_CONVEX, iterations, q, F
 
+    def suited(self, mesh: Mesh) -> Mesh:
+        """The mesh with boundaries where the sliding points are, none of its elements much longer for it."""
+        edges = np.cumsum(mesh.lengths)[:-1]
+        for s in np.sort(self.points[: self.count][self.points[: self.count, FLAT] == 0.0, PLACE]):
+            bounds = np.concatenate([[0.0], edges, [1.0]])
+            k = int(np.argmin(np.abs(bounds - s)))
+            e = min(int(np.searchsorted(bounds, s)) - 1, len(bounds) - 2)
+            if 0 < k < len(bounds) - 1 and abs(bounds[k] - s) < 0.2 * (bounds[e + 1] - bounds[e]):
+                edges[k - 1] = s
+            elif CLOSEST < s < 1.0 - CLOSEST:
+                edges = np.sort(np.append(edges, s))
+        return Mesh(mesh.element, np.diff(np.concatenate([[0.0], edges, [1.0]])))
+
     def _boundaries(self) -> list[float]:
         """Inner boundaries between elements: one at every sliding point, enough of them along stretches."""
         edges = list(self.s0[1:])
