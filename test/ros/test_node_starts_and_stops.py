@@ -20,7 +20,10 @@ from robot import CABLE, NODE, PUBLISHED, TIMEOUT
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from cable_ros import Tracker
+from cable_ros.joint import joint_load
 from cable_ros.log.reader import LogReader
+from cable_ros.scene.text import parse_yaml
 from cable_ros.share import share_file
 
 NAMES = ["pitch", "orientation"]
@@ -185,9 +188,7 @@ def test_the_robot_description_is_waited_for(tmp_path):
 
 
 def test_several_cables_have_their_own_topics_and_share_the_joint_load(tmp_path):
-    import yaml
-
-    scene = yaml.safe_load(arm_scene(tmp_path).read_text())
+    scene = parse_yaml(arm_scene(tmp_path).read_text(), "scene")
     twin = scene["cables"][0] | {"name": "other_cable"}
     path = arm_scene(tmp_path, cables=[scene["cables"][0], twin])
     with Observer(scene=path) as robot:
@@ -209,3 +210,32 @@ def test_several_cables_have_their_own_topics_and_share_the_joint_load(tmp_path)
         force = np.array([wrench.force.x, wrench.force.y, wrench.force.z])
         torque = np.cross([0.080, 0.145, 0.075], force)[2] + wrench.torque.z
         assert both == pytest.approx(2 * torque, rel=1e-9)  # rounding: the same numbers in another order
+
+
+def test_an_arm_of_two_joints_has_a_load_on_each(tmp_path):
+    cable = parse_yaml(arm_scene(tmp_path).read_text(), "scene")["cables"][0]
+    # The same place as on the turret, on the link that the pitch joint tilts, 0.12 m above.
+    cable["end"] |= {"link": "camera", "position": [0.080, 0.145, -0.045]}
+    path = arm_scene(tmp_path, cables=[cable])
+    joints = {"orientation": 0.2, "pitch": 0.1}
+    with Observer(scene=path, diagnostics_rate="20.0") as robot:
+        loads = robot.listen(f"{NODE}/joint_load", "sensor_msgs/msg/JointState")
+        stiffness = robot.listen(f"{NODE}/joint_stiffness", "std_msgs/msg/Float64MultiArray")
+        robot.rest()
+        # Each joint from a publisher of its own; nothing is solved before both are known.
+        robot.send(["pitch"], [joints["pitch"]])
+        assert robot.told("No position of the joint 'orientation'").level == ERROR
+        assert not loads
+        robot.wait(
+            lambda: (robot.send(["orientation"], [joints["orientation"]]) and robot.rest(0.2)) or loads
+        )
+        robot.wait(lambda: stiffness)
+    assert dict(zip(loads[-1].name, loads[-1].position, strict=True)) == joints
+    tracker = Tracker(str(path))
+    expected = joint_load(tracker, tracker.solve(joints), joints)
+    assert list(loads[-1].name) == list(tracker.joint_names)
+    # Both within the tolerance, 1e-4, of the same truth; a derivative is less exact than its function.
+    scale = np.abs(expected.torque).max()
+    np.testing.assert_allclose(loads[-1].effort, expected.torque, atol=1e-3 * scale)
+    found = np.reshape(stiffness[-1].data, (2, 2))
+    np.testing.assert_allclose(found, expected.stiffness, atol=1e-2 * np.abs(expected.stiffness).max())
