@@ -40,7 +40,7 @@ from cable_ros.statics.touch_kernels import (
 from cable_ros.statics.touch_system import FRICTIONLESS, SLIDING, nodal, point_forces, system, touch
 from cable_ros.statics.units import relative_change
 
-ROWS = 3 + 5 * CAPACITY
+ROWS = 3 + 6 * CAPACITY
 SPRINGS = (3e4, 3e6, 3e8, FOUNDATION)
 """Stiffness of the soft obstacles, EI / L^4, one after the other: the first is for the way, the last tells who touches."""
 MOST_GRIDS = 6
@@ -49,6 +49,8 @@ DESCENT = Options(radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=
 """For a descent that must not leave its valley."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
+SMALL = 2e-3
+"""Motion of a step, in lengths of the cable and rad, below which even friction is given up for an answer."""
 CLOSEST = 0.02
 """A boundary is put no nearer than this to another, parts of the length."""
 
@@ -316,6 +318,8 @@ class TouchingRod(Rod):
         way = float(np.abs(re - self.re).max() + np.abs(obstacles[:, 1:13] - self.obstacles[:, 1:13]).max())
         end = qe if q[-1] @ qe > 0.0 else -qe
         way += 2.0 * float(np.abs(q[-1] - end).max())
+        if self.model != FRICTIONLESS and way > SMALL:
+            return failed  # a descent knows nothing of friction: smaller steps may do without it
         before, mesh, shape = (self.qe, self.re, self.f, self.obstacles), self.mesh, self.mesh.interpolate(q, GRID)
         kept = self._state()
         self.set_conditions(qe, re, f, obstacles)
