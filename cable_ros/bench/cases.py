@@ -51,7 +51,7 @@ class Case:
     """What the tracker is asked for."""
     polyline_points: int = 101
     slack: float = 1.0
-    """So many times the tolerance is allowed: of a stretch that lies on something the estimate sees a part."""
+    """Times the tolerance that is allowed: of a stretch that lies on something the estimate sees a part."""
     start_counts: bool = True
     """Whether the start wrench is judged; not where the cable lies on the ground from its clamp on, which
     shares the first bit of the weight with the ground."""
