@@ -21,7 +21,8 @@ def contacts(
 
     Args:
         points: (n, COLUMNS), see `touch_kernels`, with `normals` (n, 3), both in the start clamp's frame.
-        curve: coefficients of the centreline, lengths and starts of the elements, see `contact_kernels.curve`.
+        curve: coefficients of the centreline, lengths and starts of the elements, see
+            `contact_kernels.curve`.
         coefficients: of friction (obstacles,), zeros where it is left out.
         names: of the obstacles.
         start: (7,) the start clamp in the world, m, quaternion x y z w.

@@ -14,7 +14,7 @@ from cable_ros.solve.status import Status
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A place where the cable touches an obstacle; along a touching stretch there are many, close together."""
+    """A place where the cable touches an obstacle; along a stretch there are many, close together."""
 
     obstacle: str
     """Its name in the scene."""

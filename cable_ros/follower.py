@@ -9,29 +9,28 @@ from functools import partial
 
 import numpy as np
 
-from cable_ros.contacts import contacts
 from cable_ros.auto_effects import Choice
+from cable_ros.contacts import contacts
 from cable_ros.equilibrium import Contact, Equilibrium
-from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.effect import Properties
 from cable_ros.mechanics.effects.contact import gaps, placed
+from cable_ros.mechanics.effects.effect import Properties
 from cable_ros.mechanics.elements import Mesh, Sampling, integrals, sampling
 from cable_ros.scene import Cable, Kinematics
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
-from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
 from cable_ros.statics.readout import polyline_anywhere
 from cable_ros.statics.rod import Rod
-from cable_ros.statics.stretching import StretchingRod
 from cable_ros.statics.saddle import NEUTRAL
+from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
+from cable_ros.statics.stretching import StretchingRod
 from cable_ros.statics.touch_system import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.touching import TouchingRod
 from cable_ros.statics.units import Units, relative, relative_change
 from cable_ros.statics.walk import End, Walk, walk
 
 ALGEBRAIC = 1e-3
-"""The iteration is stopped at this part of the tolerance: what is left is then nothing beside the resolution's error."""
+"""The iteration stops at this part of the tolerance: nothing beside the resolution's error."""
 LONGEST = 0.5
 """Longest step in joint values, rad or m, that may be taken at once: whole turns must not be overlooked."""
 AMONG_OBSTACLES = 0.1
@@ -40,7 +39,7 @@ CLAMP_DEPTH = 1e-6
 """A clamp may be this deep inside an obstacle, parts of the length: rounding of poses."""
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
 LONGEST_STRETCH = 1.1
-"""A cable that stretches may be pulled to so many times its length; past that its stiffness is no constant."""
+"""A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
 """What a result says whose stability margin is 0."""
@@ -69,7 +68,8 @@ class Follower:
         self._stiffness = properties.stiffness / self._units.stiffness
         self._natural = np.zeros(3) if properties.natural is None else properties.natural * properties.length
         self._weight = properties.weight
-        self._compliance = None if properties.compliance is None else properties.compliance * self._units.force
+        compliance = properties.compliance
+        self._compliance = None if compliance is None else compliance * self._units.force
         self._obstacles = properties.obstacles
         self._model = FRICTIONLESS
         if properties.obstacles is not None and properties.friction is not None and properties.friction.any():
@@ -81,6 +81,11 @@ class Follower:
     def _reach(self) -> float:
         """How far apart the clamps may be, parts of the length."""
         return 1.0 if self._compliance is None or not self._compliance[2] else LONGEST_STRETCH
+
+    @property
+    def _longest(self) -> float:
+        """Longest step that may be taken at once."""
+        return LONGEST if self._obstacles is None else AMONG_OBSTACLES
 
     def reset(self) -> None:
         """Forget the equilibrium."""
@@ -97,8 +102,8 @@ class Follower:
     ) -> bool:
         """Go on with other properties, on the same branch; `kinematics(joints)[index]`: where the clamps are.
 
-        Returns whether the equilibrium could be followed. Where not, the next solve starts from it as it was if there
-        are obstacles, whose friction remembers, and otherwise searches for the one nearest in twist.
+        Returns whether the equilibrium could be followed. Where not, the next solve starts from it as it was
+        if there are obstacles, whose friction remembers, and otherwise searches for the one nearest in twist.
         """
         before, rod = self._units, self._rod
         self._use(properties)
@@ -122,10 +127,8 @@ class Follower:
     def _conditions(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, before: np.ndarray
     ) -> Conditions:
-        return Conditions(
-            *relative(poses, before, self._weight, self._units.length, self._units.force),
-            self._placed(kinematics, joints, poses),
-        )
+        qe, re, f = relative(poses, before, self._weight, self._units.length, self._units.force)
+        return Conditions(qe, re, f, self._placed(kinematics, joints, poses))
 
     def _placed(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> np.ndarray | None:
         if self._obstacles is None:
@@ -135,11 +138,12 @@ class Follower:
     def solve(
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
     ) -> Equilibrium:
-        """The equilibrium at `joints`, where the clamps are at `poses`; `kinematics` tells of the way there."""
+        """The equilibrium at `joints`, the clamps at `poses`; `kinematics` tells of the way there."""
         rod = self._rod
         if rod is None or self._resolved != self.tolerance:
-            return self._cold(kinematics, joints, poses, begin, self._twist if self._twist is not None else self._hint)
-        if np.abs(joints - self._joints).max(initial=0.0) > (LONGEST if self._obstacles is None else AMONG_OBSTACLES):
+            hint = self._hint if self._twist is None else self._twist
+            return self._cold(kinematics, joints, poses, begin, hint)
+        if np.abs(joints - self._joints).max(initial=0.0) > self._longest:
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
         obstacles = self._placed(kinematics, joints, poses)
@@ -160,7 +164,8 @@ class Follower:
             worst = int(np.argmax(depth))
             if depth[worst] > CLAMP_DEPTH:
                 return (
-                    f"The {end} clamp of cable '{self.name}' is {depth[worst] * self._units.length * 1e3:.4g} mm inside"
+                    f"The {end} clamp of cable '{self.name}' is"
+                    f" {depth[worst] * self._units.length * 1e3:.4g} mm inside"
                     f" obstacle '{self._names[worst]}', the cable's radius counted; it must be outside."
                 )
         return ""
@@ -183,15 +188,14 @@ class Follower:
             frames[t] = conditions.qe
             return conditions
 
-        largest = LONGEST if self._obstacles is None else AMONG_OBSTACLES
-        longest = largest / max(np.abs(joints - origin).max(initial=0.0), largest)
+        longest = self._longest / max(np.abs(joints - origin).max(initial=0.0), self._longest)
         result = walk(rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, 0.5 * longest, longest)
         if result.end in (End.ARRIVED, End.SNAPPED):
             self._q, self._F, self._joints = result.q, result.F, joints
             rod.refactor(self._q, self._F)
             status = Status.SNAPPED if result.snaps else Status.CONVERGED
             return self._finish(status, self._story(result), result.iterations, poses, begin)
-        # the way is barred: the pose itself may still be fine, on the branch with the twist nearest to the last
+        # the way is barred: the pose itself may still be fine, on the branch nearest in twist
         twist = self._twist
         # the rod is where the walk ended, maybe on another mesh: what comes next goes on from there
         self._q, self._F, self._joints = result.q, result.F, origin + result.at * (joints - origin)
@@ -207,9 +211,11 @@ class Follower:
     def _story(self, result: Walk) -> str:
         if not result.snaps:
             return Status.CONVERGED.sentence
+        unit = self._units.moment
         falls = "; ".join(
-            f"total twist {s.twist_before:.3f} -> {s.twist_after:.3f} rad, energy {s.energy_before * self._units.moment:.4g}"
-            f" -> {s.energy_after * self._units.moment:.4g} J at {100 * s.at:.4g} % of the step"
+            f"total twist {s.twist_before:.3f} -> {s.twist_after:.3f} rad,"
+            f" energy {s.energy_before * unit:.4g} -> {s.energy_after * unit:.4g} J"
+            f" at {100 * s.at:.4g} % of the step"
             for s in result.snaps
         )
         return f"{Status.SNAPPED.sentence[:-1]} ({falls})."
@@ -217,16 +223,23 @@ class Follower:
     def _cold(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None
     ) -> Equilibrium:
-        """Search the pose for its stable equilibria: take the one that the hint asks for, or that of least energy."""
+        """Search the pose for stable equilibria: take the one nearest the hint, or of least energy."""
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         chord = float(np.linalg.norm(conditions.re))
         if not chord < self._reach:
-            excess = (chord - 1.0) * self._units.length
-            message = f"The clamps are {excess * 1e3:.4g} mm farther apart than the cable is long ({self._units.length:g} m)."
-            if excess <= 0.0:
-                message = f"The clamps are as far apart as the cable is long ({self._units.length:g} m): its tension has no bound."
+            length = self._units.length
+            message = (
+                f"The clamps are {(chord - 1.0) * length * 1e3:.4g} mm farther apart than the cable is long"
+                f" ({length:g} m)."
+            )
+            if chord <= 1.0:
+                message = (
+                    f"The clamps are as far apart as the cable is long ({length:g} m):"
+                    " its tension has no bound."
+                )
             return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
-        if conditions.obstacles is not None and (blocked := self._blocked(conditions.obstacles, conditions.re)):
+        obstacles = conditions.obstacles
+        if obstacles is not None and (blocked := self._blocked(obstacles, conditions.re)):
             return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
         found = equilibria(
             self._stiffness, self._natural, conditions, hint, self.tolerance, False, self._compliance
@@ -246,7 +259,7 @@ class Follower:
         return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, time.perf_counter() - begin)
 
     def branches(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:
-        """The stable equilibria that a wide search finds at a pose, by rising energy; the last is followed on."""
+        """The stable equilibria of a wide search at a pose, by rising energy; the last is followed on."""
         begin = time.perf_counter()
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
@@ -263,7 +276,8 @@ class Follower:
                     found.append(fine)
         for one in sorted(found, key=lambda one: one.energy):
             self._take(one, joints)
-            out.append(self._finish(Status.CONVERGED, Status.CONVERGED.sentence, one.iterations, poses, begin))
+            status = Status.CONVERGED
+            out.append(self._finish(status, status.sentence, one.iterations, poses, begin))
         return out
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
@@ -272,7 +286,9 @@ class Follower:
             found.rod.model = self._model
         self._resolved = self.tolerance
 
-    def _finish(self, status: Status, message: str, iterations: int, poses: np.ndarray, begin: float) -> Equilibrium:
+    def _finish(
+        self, status: Status, message: str, iterations: int, poses: np.ndarray, begin: float
+    ) -> Equilibrium:
         """Check the resolution, refine where it has become too coarse, and read off the result."""
         rod = self._rod
         assert rod is not None
@@ -308,8 +324,9 @@ class Follower:
         return Equilibrium(
             status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
             end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
-            total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment, error_estimate=self._estimate + self._give,
-            iterations=iterations, solve_time=time.perf_counter() - begin, _touching=self._touching(rod, poses[0]),
+            total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment,
+            error_estimate=self._estimate + self._give, iterations=iterations,
+            solve_time=time.perf_counter() - begin, _touching=self._touching(rod, poses[0]),
             _tangent=partial(_tangent, rod.snapshot(), rod.qe, rod.re, rod.f, self._q, self._F, unit),
         )  # fmt: skip
 
@@ -334,11 +351,12 @@ class Follower:
                               np.linalg.norm(wrench[3:]) / self._units.moment)) + Rod.least  # fmt: skip
 
     def wrenches(self, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
-        """(6,), (6,): what the cable exerts at its end and at its start at present, SI, in the clamps' frames."""
+        """(6,), (6,): what the cable exerts at its end and start at present, SI, in the clamps' frames."""
         end, start, unit = np.empty(6), np.empty(6), self._units
         held, at_end = rod.held()
         # `wrenches` adds what the start clamp bears beyond the end's
-        compiled.wrenches(self._F - at_end, rod.f + held + at_end, rod.qe, rod.g, unit.force, unit.moment, end, start)
+        compiled.wrenches(self._F - at_end, rod.f + held + at_end, rod.qe, rod.g, unit.force, unit.moment,
+                          end, start)  # fmt: skip
         return end, start
 
     def _touching(self, rod: Rod, start: np.ndarray) -> Callable[[], tuple[Contact, ...]] | None:
@@ -347,19 +365,22 @@ class Follower:
             return None
         coefficients = self._obstacles[:, 17] if rod.model != FRICTIONLESS else np.zeros(len(self._obstacles))
         clamped, across = rod.at_clamps()
-        points, normals = np.vstack([rod.points[: rod.count], clamped]), np.vstack([rod.normals[: rod.count], across])
+        points = np.vstack([rod.points[: rod.count], clamped])
+        normals = np.vstack([rod.normals[: rod.count], across])
         curve = rod.c.copy(), rod.h.copy(), rod.s0.copy()
         return partial(contacts, points, normals, curve, coefficients, self._names, start.copy(), self._units)
 
     def _polyline(self, rod: Rod, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         points, orientations = np.empty((self.polyline_points, 3)), np.empty((self.polyline_points, 4))
         if isinstance(rod, TouchingRod) and rod.count:
-            polyline_anywhere(self._q, rod.h, rod.s0, rod.mesh.element.nodes, *integrals(rod.mesh.element.order),
-                              start, self._units.length, points, orientations)  # fmt: skip
+            element = rod.mesh.element
+            polyline_anywhere(self._q, rod.h, rod.s0, element.nodes, *integrals(element.order), start,
+                              self._units.length, points, orientations)  # fmt: skip
             return points, orientations
-        if self._sampling is None or self._sampling[0] is not rod.mesh or self._sampling[1] != self.polyline_points:
-            self._sampling = rod.mesh, self.polyline_points, sampling(rod.mesh, self.polyline_points)
-        table = self._sampling[2]
+        known, n = self._sampling, self.polyline_points
+        if known is None or known[0] is not rod.mesh or known[1] != n:
+            self._sampling = known = rod.mesh, n, sampling(rod.mesh, n)
+        table = known[2]
         compiled.polyline(self._q, rod.h, table.element, table.values, table.weights, table.quadrature,
                           start, self._units.length, points, orientations)  # fmt: skip
         if isinstance(rod, StretchingRod):
@@ -387,8 +408,9 @@ def _choice(chosen: Found, found: list[Found]) -> str:
 
 
 def _tangent(
-    snapshot: Callable[[], Rod], qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray, unit: Units
-) -> np.ndarray:
+    snapshot: Callable[[], Rod], qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray,
+    unit: Units,
+) -> np.ndarray:  # fmt: skip
     """`Equilibrium.clamp_stiffness`, from a copy of the rod: the tracker's own may have moved on."""
     copy = snapshot()
     copy.set_conditions(qe, re, f)

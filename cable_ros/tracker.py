@@ -34,7 +34,9 @@ class Tracker:
         ValueError: tolerance or polyline_points out of range.
     """
 
-    def __init__(self, scene: Scene | str | Mapping[str, object], tolerance: float = 1e-4, polyline_points: int = 101):
+    def __init__(
+        self, scene: Scene | str | Mapping[str, object], tolerance: float = 1e-4, polyline_points: int = 101
+    ):
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self.kinematics = Kinematics(self.scene)
         self.joint_names = self.kinematics.joint_names
@@ -51,7 +53,9 @@ class Tracker:
     @staticmethod
     def _check(tolerance: float, polyline_points: int) -> None:
         if not 1e-12 <= tolerance <= 0.1:
-            raise ValueError(f"tolerance is {tolerance!r}; give the accepted relative error, from 1e-12 to 0.1")
+            raise ValueError(
+                f"tolerance is {tolerance!r}; give the accepted relative error, from 1e-12 to 0.1"
+            )
         if polyline_points < 2:
             raise ValueError(f"polyline_points is {polyline_points!r}; give 2 or more")
 
@@ -86,17 +90,17 @@ class Tracker:
             follower.reset()
 
     def set_environment(self, values: Mapping[str, Any]) -> None:
-        """Temperature, dose and what else the scene has tables for; holds until changed again, also over `reset`.
+        """Temperature, dose and what else the scene has tables for; holds until changed, also over `reset`.
 
         The cables follow on their branches, in small changes where the step is large; the next solve tells.
 
         Args:
-            values: by name, for all cables that depend on it, such as {"temperature": 20.0}, degC, {"dose": 1e4}, Gy;
-                or by cable, such as {"camera_cable": {"temperature": 20.0}}.
+            values: by name, for all cables that depend on it, such as {"temperature": 20.0}, degC, or
+                {"dose": 1e4}, Gy; or by cable, such as {"camera_cable": {"temperature": 20.0}}.
 
         Raises:
-            ValueError: one sentence: nothing depends on it, not a finite number, or outside the scene's table;
-                nothing has changed then.
+            ValueError: one sentence: nothing depends on it, not a finite number, or outside the scene's
+                table; nothing has changed then.
         """
         before = {follower.name: follower.environment for follower in self._followers}
         after = environments(self.scene, before, values)
@@ -113,7 +117,8 @@ class Tracker:
         return {f.name: f.choice.left_out for f in self._followers if f.choice is not None}
 
     def _prepare(self, index: int) -> None:
-        auto_effects.prepare(self._followers[index], self.scene, self.scene.cables[index], self.kinematics, index)
+        follower, cable = self._followers[index], self.scene.cables[index]
+        auto_effects.prepare(follower, self.scene, cable, self.kinematics, index)
 
     def _review(self, index: int, found: Equilibrium) -> bool:
         follower, cable = self._followers[index], self.scene.cables[index]
@@ -124,7 +129,7 @@ class Tracker:
         return copy.deepcopy(self._followers)
 
     def restore(self, snapshot: tuple[Follower, ...]) -> None:
-        """Go on from a snapshot of a tracker of the same scene; tolerance and polyline points stay this one's."""
+        """Go on from a snapshot of a tracker of the same scene; tolerance and polyline points stay."""
         self._followers = copy.deepcopy(snapshot)
         for follower in self._followers:
             follower.tolerance, follower.polyline_points = self._tolerance, self._polyline_points
@@ -135,8 +140,8 @@ class Tracker:
         Args:
             joints: value by joint name, rad or m; others than `joint_names` are ignored.
 
-        Never raises for values: what cannot be used comes back as `Status.INVALID_INPUT`, and the next usable pose
-        is followed from the last one.
+        Never raises for values: what cannot be used comes back as `Status.INVALID_INPUT`, and the next usable
+        pose is followed from the last one.
         """
         begin = time.perf_counter()
         try:

@@ -95,8 +95,8 @@ def border_response(
 ):  # fmt: skip
     """`clamp_response` of a rod that touches obstacles, which stay where they are in the world.
 
-    The borders V (rows, 3n) read the position along `lines` (rows, 3), the end's first; `start` (3,) is the internal
-    force at the start clamp. The start clamp moves by itself here, with the rest of the world at rest.
+    The borders V (rows, 3n) read the position along `lines` (rows, 3), the end's first; `start` (3,) is the
+    internal force at the start clamp. The start clamp moves by itself here, all else at rest.
     """
     n, band = elastic.shape[0], elastic.shape[1] - 1
     out = np.empty((12, 12))

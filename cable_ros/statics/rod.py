@@ -28,8 +28,8 @@ NO_LINES, NO_ELEMENTS = np.zeros((0, 3)), np.zeros(0, np.int64)
 class Rod:
     """A Kirchhoff rod in units of the cable, in its start clamp's frame; see `mechanics.kernels`.
 
-    Implements `solve.trust_region.Problem`: points are nodal quaternions (n, 4), multipliers the end force (3,),
-    steps (3n,) nodal rotation vectors, zero at the clamps.
+    Implements `solve.trust_region.Problem`: points are nodal quaternions (n, 4), multipliers the end force
+    (3,), steps (3n,) nodal rotation vectors, zero at the clamps.
 
     Args:
         mesh: the elements.
@@ -71,7 +71,7 @@ class Rod:
     def set_conditions(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
     ) -> None:
-        """End frame (4,) scalar first, end position (3,), load per length (3,); obstacles: see `TouchingRod`."""
+        """End frame (4,) scalar first, end position (3,), load (3,) per length; see `TouchingRod`."""
         self.qe, self.re, self.f = qe, re, f
 
     def suited(self, mesh: Mesh) -> Mesh:
@@ -79,10 +79,10 @@ class Rod:
         return mesh
 
     def variant(
-        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None, natural: np.ndarray | None = None,
-        scale: float = 1.0,
+        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
+        natural: np.ndarray | None = None, scale: float = 1.0,
     ) -> Rod:  # fmt: skip
-        """The same rod under the same conditions with another mesh or section; `scale`: new unit of force over old."""
+        """The rod with another mesh or section, the same conditions; `scale`: forces, new unit over old."""
         new = Rod(
             self.mesh if mesh is None else mesh,
             self.K if stiffness is None else stiffness,
@@ -96,7 +96,7 @@ class Rod:
         return self.variant
 
     def held(self) -> tuple[np.ndarray, np.ndarray]:
-        """(3,), (3,) what obstacles push the rod with in all, but for what they do at the end clamp; and that."""
+        """(3,), (3,): force of the obstacles on the rod, but for that at the end clamp; and that."""
         return NOTHING, NOTHING
 
     def give(self, F: np.ndarray) -> float:
@@ -108,8 +108,8 @@ class Rod:
     def _gradient(self, q: np.ndarray, F: np.ndarray) -> None:
         N, dN, _, _, points, weights = self.tables
         self.acc[:] = 0.0
-        gradient(q, compiled.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0, N, dN, points, weights,
-                 self.acc, self.g, self.radial, self.totals)  # fmt: skip
+        gradient(q, compiled.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0, N, dN, points,
+                 weights, self.acc, self.g, self.radial, self.totals)  # fmt: skip
 
     def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
         self._gradient(x, np.zeros(3))
@@ -117,8 +117,8 @@ class Rod:
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         self._gradient(x, y)
-        hessian(x, compiled.spread(y, self.h), self.f, self.K, self.natural, self.h, self.s0, *self.tables, self.radial,
-                self.elastic, self.geometric, self.parts, self.C)  # fmt: skip
+        hessian(x, compiled.spread(y, self.h), self.f, self.K, self.natural, self.h, self.s0, *self.tables,
+                self.radial, self.elastic, self.geometric, self.parts, self.C)  # fmt: skip
         self._normal = None
         g = self.g.ravel().copy()
         g[:3] = g[-3:] = 0.0
@@ -168,8 +168,10 @@ class Rod:
         quaternion.retract(x, s, out)
         return out
 
-    def minimum(self, q: np.ndarray, F: np.ndarray, options: Options) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """The stable equilibrium that a descent from (q, F) ends in, factored: q, F, iterations; None: none."""
+    def minimum(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """The stable equilibrium where a descent from (q, F) ends, factored: q, F, iterations; or None."""
         result = minimize(self, q, F, options)
         if not result.converged:
             return None
@@ -198,9 +200,10 @@ class Rod:
         return code, iterations, q_new, F_new
 
     def stability_margin(self) -> float:
-        """Smallest eigenvalue of the energy's Hessian on the tangent space, relative to the elastic stiffness.
+        """Smallest eigenvalue of the Hessian on the tangent space, relative to the elastic stiffness.
 
-        The rod must be factored at a strict minimum; the eigenvector found last is the start of the next search.
+        The rod must be factored at a strict minimum; the eigenvector found last is the start of the next
+        search.
         """
         if not self.mode.any():
             self.mode[3:-3] = np.random.default_rng(0).normal(size=len(self.mode) - 6)
@@ -208,20 +211,22 @@ class Rod:
                                self.Y, self.S, self.mode, 50)  # fmt: skip
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Derivative (12, 12) of the clamps' wrenches on the cable by their motions; see `response.clamp_response`."""
+        """Derivative (12, 12) of the clamps' wrenches by their motions; see `response.clamp_response`."""
         self.linearize(q, F)
         self.factor(-saddle.NEUTRAL)
-        return clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic, self.geometric,
-                              self.C, self.mesh.element.order, self.L, self.pivots, self.Y, self.S, self.g)  # fmt: skip
+        return clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic,
+                              self.geometric, self.C, self.mesh.element.order, self.L, self.pivots, self.Y,
+                              self.S, self.g)  # fmt: skip
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Estimated error (6,) of end force and end moment, in units of the cable; see `compiled.error`."""
         return self._wrench_error(q, F, self.re, np.zeros(self.g.size))
 
     def _wrench_error(self, q: np.ndarray, F: np.ndarray, re: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        return compiled.error(q, compiled.spread(F, self.h), re, self.f, self.K, self.natural, self.h, self.s0, self.fine,
-                              self.bubble, self.elastic, self.geometric, self.C, 3, NO_LINES, NO_ELEMENTS, NO_LINES,
-                              self.L, self.pivots, self.Y, self.S, self.g, residual, self.shares)  # fmt: skip
+        return compiled.error(q, compiled.spread(F, self.h), re, self.f, self.K, self.natural, self.h,
+                              self.s0, self.fine, self.bubble, self.elastic, self.geometric, self.C, 3,
+                              NO_LINES, NO_ELEMENTS, NO_LINES, self.L, self.pivots, self.Y, self.S, self.g,
+                              residual, self.shares)  # fmt: skip
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Estimated relative error of the end wrench; see `units.relative_change`."""

@@ -1,4 +1,4 @@
-"""Cold start: the stable equilibria of one pose, found by a fixed list of starts, and meshes fit for a tolerance."""
+"""Cold start: the stable equilibria of one pose, from a fixed list of starts, and meshes for a tolerance."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cable_ros.statics.touching import TouchingRod
 AIM, ACCEPT = 0.1, 0.45
 """A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
 TAUT = 0.999
-"""A cable that stretches is looked for straight first where its chord is longer than this part of its length."""
+"""Where its chord is more than this part of its length, a stretching cable is looked for straight first."""
 SEARCH = 1e-2
 """Tolerance of contact while a search is on: how finely a touching stretch is held."""
 
@@ -46,10 +46,10 @@ class Found:
 
 
 def first_mesh(conditions: Conditions, twist: float, tolerance: float) -> Mesh:
-    """A coarse mesh for the search: finer towards the clamps where weight makes boundary layers, finer for many turns.
+    """A coarse mesh for the search: finer for many turns, and at the clamps where weight makes layers.
 
-    From 1e-3 on, four elements are the least: what they resolve at one pose they mostly do at all, so that the mesh
-    need not change under way.
+    From 1e-3 on, four elements are the least: what they resolve at one pose they mostly do at all, so that
+    the mesh need not change under way.
     """
     layer = min(1.0, 3.0 / np.sqrt(max(float(np.linalg.norm(conditions.f)), 1.0)))
     count = (4 if tolerance < 1e-3 else 3) + int(abs(twist) / 6.0)
@@ -93,9 +93,9 @@ def on_mesh(found: Found, mesh: Mesh) -> Found | None:
 
 
 def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
-    """The mesh whose elements all have the same share in an error of AIM * tolerance, by the rates of this order.
+    """The mesh whose elements have equal shares in an error of AIM * tolerance, by this order's rates.
 
-    An element's share (energy norm squared, left by `Rod.wrench_error`) falls as its length to the 2 order + 1.
+    An element's share (energy norm squared, left by `Rod.wrench_error`) falls as its length^(2 order + 1).
     """
     order = rod.mesh.element.order
     shares = np.maximum(rod.shares, 1e-12 * rod.shares.max() + 1e-300)
@@ -114,7 +114,7 @@ def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
 
 
 def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:
-    """The equilibrium on a mesh whose estimated error is at most `accept` * tolerance, if one is found; and that error."""
+    """The equilibrium on a mesh whose estimated error is at most `accept` * tolerance, if any; that error."""
     iterations = found.iterations
     if isinstance(found.rod, TouchingRod) and found.rod.tolerance != tolerance:
         closer = settle(found.rod.variant(tolerance=tolerance), found.q, found.F)
@@ -143,7 +143,7 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
 def equilibria(
     stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, hint: float | None,
     tolerance: float = 1e-4, thorough: bool = True, compliance: np.ndarray | None = None,
-) -> list[Found]:
+) -> list[Found]:  # fmt: skip
     """Distinct stable equilibria that the starts lead to, on a coarse mesh, by rising energy.
 
     With a hint and not `thorough`, the search ends with the first one whose twist is within 0.02 rad of it.
@@ -165,7 +165,8 @@ def equilibria(
             rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
             rod.seen = seen
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
-        one = settle(rod, q, np.zeros(3), Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8))
+        options = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
+        one = settle(rod, q, np.zeros(3), options)
         if one is None:
             continue
         if any(same(one, other) for other in found):

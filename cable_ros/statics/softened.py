@@ -17,7 +17,7 @@ LONGEST_POINT = 3
 
 
 class Softened:
-    """Implements `solve.trust_region.Problem`: the samples that are inside an obstacle are pushed out by springs.
+    """A `solve.trust_region.Problem`: the samples that are inside an obstacle are pushed out by springs.
 
     Args:
         rod: the rod, whose contact points it uses up.
@@ -36,8 +36,8 @@ class Softened:
         """Set the rod's contact points to the samples inside at x; returns the springs' energy."""
         rod = self.rod
         curve(x, rod.h, rod.tables[0], rod.primitives, rod.c)
-        _, rod.count = press(rod.c, rod.h, rod.s0, self.samples, rod.spacing, rod.obstacles, rod.points, rod.count,
-                             self.phi, self.stiffness, True)  # fmt: skip
+        _, rod.count = press(rod.c, rod.h, rod.s0, self.samples, rod.spacing, rod.obstacles, rod.points,
+                             rod.count, self.phi, self.stiffness, True)  # fmt: skip
         springs = rod.points[: rod.count]
         return 0.5 * float((springs[:, FORCE] ** 2 / springs[:, LENGTH]).sum()) / self.stiffness
 
@@ -68,7 +68,7 @@ class Softened:
         return rod.apply_hessian(s) + (V @ s / rod.delta[3 : rod.rows]) @ V
 
     def harden(self, x: np.ndarray) -> bool:
-        """Where all stretches at x are short, make each a sliding point with all its force; whether they are."""
+        """Where all stretches at x are short, make each a sliding point with its force; whether so."""
         rod = self.rod
         self._press(x)
         pressed = rod.points[: rod.count]

@@ -1,10 +1,10 @@
 """Compiled: the places where the cable touches, and how they change as its shape does.
 
-Where the gap has a distinct minimum a contact point sits there, at any arc length: a unilateral constraint gap >= 0
-with its multiplier, the normal force. It slides with the shape, and it takes a boundary between two elements with it,
-because the curvature has a kink under a point force. Along a stretch that lies on the surface the gap has no distinct
-minimum: there the samples that are inside are pushed out by stiff springs ("flat" points), so many that together they
-are a pressure. Units of the cable, start clamp's frame.
+Where the gap has a distinct minimum a contact point sits there, at any arc length: a unilateral constraint
+gap >= 0 with its multiplier, the normal force. It slides with the shape, and it takes a boundary between two
+elements with it, because the curvature has a kink under a point force. Along a stretch that lies on the
+surface the gap has no distinct minimum: there the samples that are inside are pushed out by stiff springs
+("flat" points), so many that together they are a pressure. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 CAPACITY = 240
 """Contact points at once."""
 FINE = 16
-"""About the ends of a stretch there are so many samples for one elsewhere: where it lifts off decides the wrench."""
+"""Samples about a stretch's ends for one elsewhere: where it lifts off decides the wrench."""
 MOST_SAMPLES = 2400
 FOUNDATION = 1e10
 """Stiffness of the springs under a stretch per length of the cable, EI / L^4.
 
-A pressure of 100 EI / L^3 sinks in by 1e-8 of the length, and the force where the cable lifts off, spread over about
-(EI / FOUNDATION)^1/4 = 0.003 of it, by some 1e-7.
+A pressure of 100 EI / L^3 sinks in by 1e-8 of the length, and the force where the cable lifts off, spread
+over about (EI / FOUNDATION)^1/4 = 0.003 of it, by some 1e-7.
 """
 LYING = 6
 """So many samples has an element that lies on a surface at most."""
@@ -33,12 +33,11 @@ LONG = 4.0
 """What is inside over so many samples is no point contact."""
 APART = 2.5
 """Around a sliding point so many samples are its own."""
-OBSTACLE, PLACE, FLAT, FORCE, FRICTION, HELD, TIE, LENGTH, BEARING = 0, 1, 2, 3, 4, 7, 10, 11, 12
-"""Columns of the contact points (CAPACITY, COLUMNS): obstacle, arc length, 1 for flat, normal force, friction (3), the
-friction of the last equilibrium (3), the boundary between elements that goes with the point (-1: none), the length of cable
-that a flat point stands for, and the force at which its spring is at the surface (the multiplier of an augmented
-Lagrangian: it makes up for the spring's give)."""
-COLUMNS = 13
+OBSTACLE, PLACE, FLAT, FORCE, FRICTION, HELD, TIE, LENGTH = 0, 1, 2, 3, 4, 7, 10, 11
+"""Columns of the contact points (CAPACITY, COLUMNS): obstacle, arc length, 1 for flat, normal force, friction
+(3), the friction of the last equilibrium (3), the boundary between elements that goes with the point (-1:
+none), and the length of cable that a flat point stands for."""
+COLUMNS = 12
 NARROWEST = 0.12
 """A boundary slides no nearer to its neighbours than this part of the way between them."""
 
@@ -141,7 +140,7 @@ def tie(points, count, i, h, s0):
 
 @njit(**OPTIONS)
 def place_points(q, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count):
-    """Let the points that slide go to their gap's minimum, with their boundaries; returns whether all have one."""
+    """Let the sliding points go to their gap's minimum, with their boundaries; whether all have one."""
     curve(q, h, N, primitives, c)
     tied = True
     for i in range(count):
@@ -296,7 +295,7 @@ def find_sample(samples, s):
 
 @njit(**OPTIONS)
 def share(points, count, reach):
-    """Give the newest flat point the part of its force in friction that its nearest neighbour within `reach` has."""
+    """Let the newest flat point rub, for its force, as its nearest neighbour within `reach` does."""
     new = count - 1
     best, distance = -1, reach
     for i in range(new):
@@ -312,8 +311,8 @@ def share(points, count, reach):
 def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness, anywhere):
     """Let the flat points be the samples that are inside an obstacle, on springs of `stiffness` per length.
 
-    Those that were flat points before keep their friction. New ones come beside old ones, or `anywhere`. Returns (how
-    many have come or gone, count).
+    Those that were flat points before keep their friction. New ones come beside old ones, or `anywhere`.
+    Returns (how many have come or gone, count).
     """
     scan(c, h, s0, samples, obstacles, phi)
     changes = 0
@@ -331,7 +330,7 @@ def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness, 
                 count = remove(points, count, i)
                 continue
             length = 0.5 * (samples[k + 1] - samples[k - 1])
-            force = points[i, BEARING] - stiffness * length * phi[o, k]
+            force = -stiffness * length * phi[o, k]
             if force <= 0.0 or owned(points, count, o, samples[k], APART * spacing):
                 known[o, k] = 2
                 count = remove(points, count, i)
@@ -342,10 +341,10 @@ def press(c, h, s0, samples, spacing, obstacles, points, count, phi, stiffness, 
             points[i, FORCE] = force
         i += 1
     for o in range(obstacles.shape[0]):
-        for direction in range(2):
+        for backward in (False, True):
             last = -1
             for j in range(1, m - 1):
-                k = j if direction == 0 else m - 1 - j
+                k = m - 1 - j if backward else j
                 if known[o, k] > 0:
                     last = k
                 if phi[o, k] >= 0.0 or known[o, k] == 1:
@@ -390,7 +389,7 @@ def lay(points, count, o, low, high, samples, spacing):
 
 @njit(**OPTIONS)
 def flatten(q, h, s0, nodes, c, samples, spacing, obstacles, points, count):
-    """Make the pressed sliding points where the gap is no minimum any more stretches; returns (changed, count).
+    """Make stretches of the pressed sliding points whose gap is no minimum; returns (changed, count).
 
     The cable has become as curved as the surface there.
     """
@@ -412,11 +411,13 @@ def flatten(q, h, s0, nodes, c, samples, spacing, obstacles, points, count):
 
 
 @njit(**OPTIONS)
-def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi, contract):
+def revise(
+    q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi, contract
+):
     """Change the sliding points at a solution with the last ones: let go what pulls, take in what is inside.
 
-    One beside which the curve dips deeper than `depth` becomes a stretch; where `contract` says so, a stretch of one
-    or two samples becomes a sliding point. Returns (changed, count).
+    One beside which the curve dips deeper than `depth` becomes a stretch; where `contract` says so, a stretch
+    of one or two samples becomes a sliding point. Returns (changed, count).
     """
     changed = False
     i = 0
@@ -468,21 +469,6 @@ def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth
 
 
 @njit(**OPTIONS)
-def bear(points, count, gaps, sunk):
-    """Where a flat point has sunk in deeper than `sunk`, let all springs bear their force at the surface; whether so."""
-    worst = 0.0
-    for i in range(count):
-        if points[i, FLAT] == 1.0:
-            worst = max(worst, -gaps[i])
-    if worst <= sunk:
-        return False
-    for i in range(count):
-        if points[i, FLAT] == 1.0:
-            points[i, BEARING] = max(points[i, FORCE], 0.0)
-    return True
-
-
-@njit(**OPTIONS)
 def coarse(points, count, h, s0, spacing):
     """Whether an element on which a stretch lies is too long to follow the surface between its ends."""
     for i in range(count):
@@ -497,8 +483,8 @@ def coarse(points, count, h, s0, spacing):
 def passage(q_old, q, h, s0, N, primitives, c, samples, old_obstacles, obstacles, phi):
     """From one shape to the next on the same mesh: how near it is now, and whether it may have gone through.
 
-    Returns the smallest gap at the inner samples (phi receives all) and whether some sample has moved so far beside an
-    obstacle that it could have passed it within the step.
+    Returns the smallest gap at the inner samples (phi receives all) and whether some sample has moved so far
+    beside an obstacle that it could have passed it within the step.
     """
     old_c = np.empty_like(c)
     curve(q_old, h, N, primitives, old_c)
@@ -521,7 +507,8 @@ def passage(q_old, q, h, s0, N, primitives, c, samples, old_obstacles, obstacles
             for i in range(3):
                 v = 0.0
                 for j in range(3):
-                    v += new[4 + 3 * j + i] * (r[j] - new[1 + j]) - old[4 + 3 * j + i] * (r_old[j] - old[1 + j])
+                    v += new[4 + 3 * j + i] * (r[j] - new[1 + j])
+                    v -= old[4 + 3 * j + i] * (r_old[j] - old[1 + j])
                 way += v * v
             way = np.sqrt(way)
             crossed = crossed or (way > width + new[16] and phi[o, k] < way)

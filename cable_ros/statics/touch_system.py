@@ -1,9 +1,9 @@
 """Compiled: the equilibrium with contact points, by Newton's method on a changing active set.
 
-The unknowns of a contact point are its normal force and, where it slides, its place; both are eliminated as borders
-of the rod's banded system. Coulomb friction is an elastic-plastic law for the increment since the last equilibrium:
-stick is a stiff spring, slip a force of the cone's size against the increment (return mapping). Units of the cable,
-start clamp's frame.
+The unknowns of a contact point are its normal force and, where it slides, its place; both are eliminated as
+borders of the rod's banded system. Coulomb friction is an elastic-plastic law for the increment since the
+last equilibrium: stick is a stiff spring, slip a force of the cone's size against the increment (return
+mapping). Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from cable_ros.solve import banded
 from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
 from cable_ros.statics.touch_kernels import (
-    BEARING,
     FLAT,
     FORCE,
     FOUNDATION,
@@ -36,7 +35,6 @@ from cable_ros.statics.touch_kernels import (
     MOST_SAMPLES,
     OBSTACLE,
     PLACE,
-    bear,
     coarse,
     flatten,
     gap_at,
@@ -51,15 +49,13 @@ from cable_ros.statics.touch_kernels import (
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
-MOST_BEARINGS = 0
-"""So often at most in a solve the springs' give is made up for."""
 STICK = 1e6
 """Stiffness of stick, EI / L^3: what sticks creeps by 1e-6 of the length per unit of force."""
 
 
 @njit(**OPTIONS)
 def point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc):
-    """Internal force Fe (elements, 3) beside weight, and the pull acc (n, 4) of the points inside elements."""
+    """Internal force Fe (elements, 3) beside weight; pull acc (n, 4) of the points inside elements."""
     order = N.shape[1] - 1
     elements = h.shape[0]
     P, qs, gT, H = np.empty(3), np.empty(4), np.empty(4), np.empty((4, 4))
@@ -99,8 +95,9 @@ def part(primitives, k, x):
 def rub(points, i, n, t, mu, model, step, turned, sense, limit):
     """Friction on contact point i after the increment `step` (3,) over the obstacle; writes it to `points`.
 
-    `turned` (3,): the friction before, turned with the obstacle; `sense` (3,): which way the end goes, its length the
-    part of the friction that is mobilised. `limit` (7,) receives the tangent: direction of the slip force (3; zero: stick), direction across it (3), stiffness across.
+    `turned` (3,): the friction before, turned with the obstacle; `sense` (3,): which way the end goes, its
+    length the part of the friction that is mobilised. `limit` (7,) receives the tangent: direction of the
+    slip force (3; zero: stick), direction across it (3), stiffness across.
     """
     for a in range(7):
         limit[a] = 0.0
@@ -162,11 +159,12 @@ def system(
 ):  # fmt: skip
     """Gradient, and where `full` the Hessian with its borders, at (q, F) with `count` contact points.
 
-    `V` (rows, 3n) receives the constraints' derivatives: end position (3), gaps (count), then a row for each direction
-    in which a gap is curved or friction is stiff, with its weight's inverse in `delta`; `W` the directions in which
-    the multipliers act, the same but where friction follows the normal force; `lines` (rows, 3) the direction that each
-    reads the position in, of the point before which there are `upto` (rows,) elements. `old_c`, `old_h`, `old_s0` are the curve
-    of the last equilibrium, `old_obstacles` where they were. Returns (rows, whether W is V).
+    `V` (rows, 3n) receives the constraints' derivatives: end position (3), gaps (count), then a row for each
+    direction in which a gap is curved or friction is stiff, with its weight's inverse in `delta`; `W` the
+    directions in which the multipliers act, the same but where friction follows the normal force; `lines`
+    (rows, 3) the direction that each reads the position in, of the point before which there are `upto`
+    (rows,) elements. `old_c`, `old_h`, `old_s0` are the curve of the last equilibrium, `old_obstacles` where
+    they were. Returns (rows, whether W is V).
     """
     N, dN, N3, dN3, gauss, weights = tables
     order = N.shape[1] - 1
@@ -183,7 +181,8 @@ def system(
     for i in range(count):
         o = int(points[i, OBSTACLE])
         ob = obstacles[o]
-        gaps[i], _, curvature = gap_at(q, h, s0, nodes, c, points[i, PLACE], ob, r, t, dt, n, directions, bends)
+        s = points[i, PLACE]
+        gaps[i], _, curvature = gap_at(q, h, s0, nodes, c, s, ob, r, t, dt, n, directions, bends)
         curved[i, 2] = 0.0 if points[i, FLAT] == 1.0 else max(curvature, 1e-9)
         for a in range(3):
             normals[i, a] = n[a]
@@ -329,7 +328,7 @@ def at_place(q, first, order, N, frame, qs, D):
 
 @njit(**OPTIONS)
 def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S):
-    """`border_factor` where the multipliers act along W but the constraints read V; says nothing about stability."""
+    """`border_factor` where multipliers act along W, constraints read V; says nothing about stability."""
     n = elastic.shape[0]
     for i in range(n):
         for j in range(A.shape[1]):
@@ -355,14 +354,14 @@ def touch(
     elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
     tolerance, depth, limit, q_new, F_new,
 ):  # fmt: skip
-    """From the equilibrium (q, F) with its contact points to the one under new conditions; see `compiled.advance`.
+    """From the equilibrium (q, F) with contact to the one under new conditions; see `compiled.advance`.
 
-    A tangent step from the old state, Newton's method on the active set, and revisions of the set until no point
-    pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place.
-    Where the factors of the last equilibrium with its `rows` borders are still there, `ready`, the first step takes them.
-    Returns (code, iterations, count, rows, whether another mesh would hold the points better).
+    A tangent step from the old state, Newton's method on the active set, and revisions of the set until no
+    point pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place. Where the
+    factors of the last equilibrium with its `rows` borders are still there, `ready`, the first step takes
+    them. Returns (code, iterations, count, rows, whether another mesh would hold the points better).
     """
-    N, dN, N3, dN3, gauss, weights = tables
+    N, gauss = tables[0], tables[4]
     order = N.shape[1] - 1
     n = 3 * q.shape[0]
     gv = g.reshape(n)
@@ -384,8 +383,6 @@ def touch(
         hold_ends(q_new, h, s0, nodes, spacing, points, count)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
     total, size = 0, 0.0
-    bearings = 0
-    r, t, dt, nn, dd, bb = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3)), np.empty(2)
     lift, moved, convex = True, False, True
     for revision in range(44):
         converged = False
@@ -394,7 +391,9 @@ def touch(
             if not lift:
                 curve(q_new, h, N, primitives, c)
                 flattened, count = flatten(q_new, h, s0, nodes, c, samples, spacing, obstacles, points, count)
-                moved = not place_points(q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count)
+                moved = not place_points(
+                    q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count
+                )
                 if flattened or (iteration == 0 and revision > 0):
                     changes = 1  # the set that has just been chosen holds for a step
                 else:
@@ -405,8 +404,8 @@ def touch(
                 curve(q_new, h, N, primitives, c)
             full = not (lift and ready)
             known, same = system(
-                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h, old_s0,
-                old_obstacles, sense, model, points, count, gaps, normals,
+                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
+                old_s0, old_obstacles, sense, model, points, count, gaps, normals,
                 acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
             )  # fmt: skip
             if full:
@@ -423,7 +422,7 @@ def touch(
             for a in range(3):
                 b[a] = totals[a] - re[a]
             for i in range(count):
-                b[3 + i] = gaps[i] + (points[i, FORCE] - points[i, BEARING]) * delta[3 + i]
+                b[3 + i] = gaps[i] + points[i, FORCE] * delta[3 + i]
             if lift:
                 end_coupling(elastic, geometric, V, rows, theta, gv, b)
             border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)
@@ -464,22 +463,13 @@ def touch(
         if not within(points, count, samples, spacing):
             samples = buffer[: grid(points, count, cells, buffer)]
             changed = changed or revision < 8
-        if not changed and bearings < MOST_BEARINGS:
-            for i in range(count):
-                if points[i, FLAT] == 1.0:
-                    place = points[i, PLACE]
-                    gaps[i], _, _ = gap_at(
-                        q_new, h, s0, nodes, c, place, obstacles[int(points[i, OBSTACLE])], r, t, dt, nn, dd, bb
-                    )
-            changed = bear(points, count, gaps, 3.0 * depth)
-            bearings += 1
         if not changed:
             moved = moved or coarse(points, count, h, s0, spacing)
             if not convex and model == FRICTIONLESS:
                 return NOT_CONVEX, total, count, rows, moved
             system(
-                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h, old_s0,
-                old_obstacles, sense, model, points, count, gaps, normals,
+                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
+                old_s0, old_obstacles, sense, model, points, count, gaps, normals,
                 acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, False,
             )  # fmt: skip
             return ADVANCED, total, count, rows, moved

@@ -17,7 +17,6 @@ from cable_ros.statics.rod import NOTHING, REFRESH, Rod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.softened import Softened
 from cable_ros.statics.touch_kernels import (
-    BEARING,
     CAPACITY,
     COLUMNS,
     FLAT,
@@ -42,10 +41,12 @@ from cable_ros.statics.units import relative_change
 
 ROWS = 3 + 6 * CAPACITY
 SPRINGS = (3e4, 3e6, 3e8, FOUNDATION)
-"""Stiffness of the soft obstacles, EI / L^4, one after the other: the first is for the way, the last tells who touches."""
+"""Stiffness of the soft obstacles, EI / L^4, in turn: the first shows the way, the last who touches."""
 MOST_GRIDS = 6
 """So often at most the samples are placed anew about the ends of stretches."""
-DESCENT = Options(radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
+DESCENT = Options(
+    radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
+)
 """For a descent that must not leave its valley."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
@@ -58,12 +59,13 @@ CLOSEST = 0.02
 class TouchingRod(Rod):
     """A `Rod` among obstacles: while nothing touches it is one, bit for bit.
 
-    The contact points belong to its last equilibrium: `advance` and `minimum` change them, together with the lengths
-    of the elements, and put them back where they fail.
+    The contact points belong to its last equilibrium: `advance` and `minimum` change them, together with the
+    lengths of the elements, and put them back where they fail.
 
     Args:
         mesh, stiffness, natural: as in `Rod`.
-        tolerance: of the end wrench; it sets how deep a contact may be overlooked and how finely a stretch is held.
+        tolerance: of the end wrench; it sets how deep a contact may be overlooked and how finely a stretch is
+            held.
     """
 
     def __init__(
@@ -103,7 +105,7 @@ class TouchingRod(Rod):
             self.obstacles = obstacles
 
     def _sample(self, obstacles: int) -> None:
-        """Choose where contact is looked for: as finely as the tolerance asks, and so that weight sags little between."""
+        """Choose where contact is looked for: as finely as tolerance asks; weight sags little between."""
         weight = float(np.linalg.norm(self.f))
         sag = 5e-7 * (self.tolerance / 1e-4) ** 0.5
         self.cells = int(np.clip(np.ceil((weight / (384.0 * sag)) ** 0.25), 40, 150))
@@ -112,8 +114,8 @@ class TouchingRod(Rod):
         self.phi = np.zeros((obstacles, self.cells + 1))
 
     def variant(
-        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None, natural: np.ndarray | None = None,
-        scale: float = 1.0, tolerance: float | None = None,
+        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
+        natural: np.ndarray | None = None, scale: float = 1.0, tolerance: float | None = None,
     ) -> TouchingRod:  # fmt: skip
         new = TouchingRod(
             self.mesh if mesh is None else mesh,
@@ -125,7 +127,6 @@ class TouchingRod(Rod):
         new.model, new.sense = self.model, self.sense
         new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
         new.points[:, FORCE : HELD + 3] /= scale
-        new.points[:, BEARING] /= scale
         if len(new.samples) != len(self.samples):
             # flat points stand at samples: what slides stays
             new.points = new.points[: new.count][new.points[: new.count, FLAT] == 0.0]
@@ -135,16 +136,11 @@ class TouchingRod(Rod):
             new.points[:, TIE] = -1.0
         return new
 
-    @property
-    def sliding(self) -> bool:
-        """Whether the elements' lengths move with contact points."""
-        return self.count > 0
-
     def at_clamps(self) -> tuple[np.ndarray, np.ndarray]:
         """Contact points (k, COLUMNS) at the clamps themselves, and their normals (k, 3).
 
-        Where a stretch begins at a clamp, the obstacle carries the half interval next to it, too: with the mean pressure
-        of the samples near by.
+        Where a stretch begins at a clamp, the obstacle carries the half interval next to it, too: with the
+        mean pressure of the samples near by.
         """
         rows, normals = [], []
         touching = self.points[: self.count]
@@ -166,7 +162,8 @@ class TouchingRod(Rod):
 
     def held(self) -> tuple[np.ndarray, np.ndarray]:
         touching = self.points[: self.count]
-        total = (touching[:, FORCE, None] * self.normals[: self.count] + touching[:, FRICTION:HELD]).sum(axis=0)
+        forces = touching[:, FORCE, None] * self.normals[: self.count] + touching[:, FRICTION:HELD]
+        total = forces.sum(axis=0)
         if not (touching[:, FLAT] == 1.0).any():
             return total, NOTHING
         points, normals = self.at_clamps()
@@ -179,18 +176,21 @@ class TouchingRod(Rod):
         if not flat.any():
             return 0.0
         c = np.zeros(self.rows)
-        c[3 : 3 + self.count][flat] = -(self.points[: self.count, FORCE] * self.delta[3 : 3 + self.count])[flat]
+        sunk = -self.points[: self.count, FORCE] * self.delta[3 : 3 + self.count]
+        c[3 : 3 + self.count] = np.where(flat, sunk, 0.0)
         s, y = self.border_step(np.zeros(self.g.size), c)
         moment = compiled.end_rows(self.elastic, self.geometric, self.V, self.rows, s, y)
         return relative_change(np.concatenate([y[:3], moment]), np.concatenate([F, self.g[-1]]), self.least)
 
     # solving
 
-    def minimum(self, q: np.ndarray, F: np.ndarray, options: Options) -> tuple[np.ndarray, np.ndarray, int] | None:
+    def minimum(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
         """Descend with soft obstacles, which any shape can start from, then make them hard."""
-        kept = self._state()
         self.ready = False
         if self.count:
+            assert self.obstacles is not None
             # mostly the same equilibrium on another mesh: its contacts are known
             code, iterations, q_new, F_new = self._touch(
                 q, F, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
@@ -203,6 +203,7 @@ class TouchingRod(Rod):
         self, q: np.ndarray, F: np.ndarray, options: Options, first: int
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
         """As `minimum`, with springs from SPRINGS[first] on; puts contacts and mesh back where it fails."""
+        assert self.obstacles is not None
         kept, mesh, total = self._state(), self.mesh, 0
         samples = self.samples
         for stage in range(first, len(SPRINGS) + MOST_GRIDS):
@@ -256,8 +257,8 @@ class TouchingRod(Rod):
         # mirror images have the same energy
         state = np.append(self.mesh.interpolate(q, np.array([0.25, 0.5, 0.75])).ravel(), energy)
         for other in self.seen:
-            turned = np.abs(np.sum(state[:-1].reshape(3, 4) * other[:-1].reshape(3, 4), axis=1)).min() < 1.0 - 1e-5
-            if not turned and abs(state[-1] - other[-1]) < 1e-5 * (1.0 + abs(energy)):
+            cosines = np.abs(np.sum(state[:-1].reshape(3, 4) * other[:-1].reshape(3, 4), axis=1))
+            if cosines.min() >= 1.0 - 1e-5 and abs(state[-1] - other[-1]) < 1e-5 * (1.0 + abs(energy)):
                 return True
         self.seen.append(state)
         return False
@@ -285,7 +286,8 @@ class TouchingRod(Rod):
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        assert obstacles is not None and self.obstacles is not None
+        assert obstacles is not None
+        assert self.obstacles is not None
         if not self.count:
             before = self.qe, self.re, self.f
             self.ready = False
@@ -296,7 +298,8 @@ class TouchingRod(Rod):
                 q, q_new, self.h, self.s0, self.tables[0], self.primitives, self.c,
                 self.samples, self.obstacles, obstacles, self.phi,
             )  # fmt: skip
-            if clearance > 0.5 * self.spacing or (clearance > -self.depth and not self._dips(q_new, obstacles)):
+            near = clearance <= 0.5 * self.spacing
+            if not near or (clearance > -self.depth and not self._dips(q_new, obstacles)):
                 if crossed:
                     self.set_conditions(*before)
                     return compiled.TOO_FAR, iterations, q_new, F_new
@@ -304,13 +307,15 @@ class TouchingRod(Rod):
                 return code, iterations, q_new, F_new
             self.set_conditions(*before)
         result = self._touch(q, F, qe, re, f, tolerance, limit, obstacles)
-        return result if result[0] == compiled.ADVANCED else self._give_way(q, F, qe, re, f, limit, obstacles, result)
+        if result[0] == compiled.ADVANCED:
+            return result
+        return self._give_way(q, F, qe, re, f, limit, obstacles, result)
 
     def _give_way(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, limit: float,
         obstacles: np.ndarray, failed: tuple[int, int, np.ndarray, np.ndarray],
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """A step in which so many contacts change that Newton's method fails: descend with soft obstacles instead.
+        """A step with so many changes of contact that Newton fails: descend with soft obstacles instead.
 
         Taken only where it ends near the shape before, as a branch that goes on does; else returns `failed`.
         """
@@ -320,8 +325,8 @@ class TouchingRod(Rod):
         way += 2.0 * float(np.abs(q[-1] - end).max())
         if self.model != FRICTIONLESS and way > SMALL:
             return failed  # a descent knows nothing of friction: smaller steps may do without it
-        before, mesh, shape = (self.qe, self.re, self.f, self.obstacles), self.mesh, self.mesh.interpolate(q, GRID)
-        kept = self._state()
+        before, kept = (self.qe, self.re, self.f, self.obstacles), self._state()
+        mesh, shape = self.mesh, self.mesh.interpolate(q, GRID)
         self.set_conditions(qe, re, f, obstacles)
         start = q.copy()
         start[-1] = end
@@ -339,8 +344,8 @@ class TouchingRod(Rod):
         return failed
 
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
-        nodes = self.mesh.element.nodes
-        return bool(dips(q, self.h, self.s0, nodes, self.c, self.samples, self.spacing, obstacles, self.phi, self.depth))
+        return bool(dips(q, self.h, self.s0, self.mesh.element.nodes, self.c, self.samples, self.spacing,
+                         obstacles, self.phi, self.depth))  # fmt: skip
 
     def _state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
         return self.points[: self.count].copy(), self.count, self.h.copy(), self.s0.copy()
@@ -363,9 +368,9 @@ class TouchingRod(Rod):
                 q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
                 self.primitives, self.cells, obstacles, self.obstacles, self.sense, self.model,
                 self.points, self.count, self.rows, self.ready, self.gaps, self.normals,
-                self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W, self.delta,
-                self.lines, self.upto, self.borders, self.complement, self.acc, self.g, self.radial, self.totals,
-                tolerance, self.depth, limit, q_new, F_new,
+                self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W,
+                self.delta, self.lines, self.upto, self.borders, self.complement, self.acc, self.g,
+                self.radial, self.totals, tolerance, self.depth, limit, q_new, F_new,
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved = compiled.NOT_CONTRACTING, 0, False
@@ -392,7 +397,7 @@ class TouchingRod(Rod):
     def _reverse(
         self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Turn fully mobilised friction against the way that the end now goes, little by little where it turns back."""
+        """Turn mobilised friction against the way the end now goes, little by little where it turns back."""
         way = re - self.re
         size = float(np.linalg.norm(way))
         if size < 1e-12:
@@ -457,17 +462,18 @@ class TouchingRod(Rod):
     # the borders' algebra
 
     def system(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
-        """Gradient, Hessian and borders at (q, F) with the contact points as they are; returns the borders' number."""
+        """Gradient, Hessian and borders at (q, F) with the contact points as they are; number of borders."""
         rows, _ = system(
             q, F, self.f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
-            self.primitives, self.c, self.obstacles, self.c, self.h, self.s0, self.obstacles, self.sense, model,
-            self.points, self.count, self.gaps, self.normals, self.acc, self.g, self.radial, self.totals,
-            self.elastic, self.geometric, self.parts, self.C, self.V, self.W, self.delta, self.lines, self.upto, True,
+            self.primitives, self.c, self.obstacles, self.c, self.h, self.s0, self.obstacles, self.sense,
+            model, self.points, self.count, self.gaps, self.normals, self.acc, self.g, self.radial,
+            self.totals, self.elastic, self.geometric, self.parts, self.C, self.V, self.W, self.delta,
+            self.lines, self.upto, True,
         )  # fmt: skip
         return int(rows)
 
     def border_factor(self, mu: float, equalities: int) -> bool:
-        """Factor the bordered system; whether it is a strict minimum's on the tangent space of the equalities."""
+        """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
         return bool(compiled.border_factor(
             self.elastic, self.geometric, mu, self.mesh.element.order, self.A, self.L, self.pivots,
             self.V, self.delta, self.rows, equalities, self.borders, self.complement,
@@ -476,8 +482,8 @@ class TouchingRod(Rod):
     def border_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `compiled.border_step`."""
         s, y = np.empty(gradient.shape[0]), np.empty(self.rows)
-        compiled.border_step(gradient, constraints, self.V, self.rows, self.mesh.element.order, self.L, self.pivots,
-                             self.borders, self.complement, s, y)  # fmt: skip
+        compiled.border_step(gradient, constraints, self.V, self.rows, self.mesh.element.order, self.L,
+                             self.pivots, self.borders, self.complement, s, y)  # fmt: skip
         return s, y
 
     # what a solution says
@@ -518,9 +524,9 @@ class TouchingRod(Rod):
         curve(q, self.h, self.tables[0], self.primitives, self.c)
         coarse = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
         return np.asarray(compiled.error(
-            q, Fe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine, self.bubble, self.elastic,
-            self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L, self.pivots, self.borders,
-            self.complement, self.g, residual, self.shares,
+            q, Fe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine, self.bubble,
+            self.elastic, self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L,
+            self.pivots, self.borders, self.complement, self.g, residual, self.shares,
         ))  # fmt: skip
 
 

@@ -43,7 +43,7 @@ class Snap:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """Where a walk ended: part of the path, state there, iterations of all its steps, the falls on the way."""
+    """Where a walk ended: part of the path, state there, iterations of all steps, falls on the way."""
 
     end: End
     at: float
@@ -57,10 +57,10 @@ def walk(
     rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], tolerance: float,
     step: float = 0.25, longest: float = 1.0,
 ) -> Walk:  # fmt: skip
-    """Follow the branch of the factored equilibrium (q, F) along path(0..1) in steps of its own choice, `longest` at most.
+    """Follow the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
-    A step is halved until the warm-started solve converges from it. Where even the smallest does not, the cable
-    descends from there to the next stable equilibrium at fixed ends (`fall`).
+    A step is halved until the warm-started solve converges from it. Where even the smallest does not, the
+    cable descends from there to the next stable equilibrium at fixed ends (`fall`).
     """
     at, iterations, falls = 0.0, 0, 0
     snaps: list[Snap] = []

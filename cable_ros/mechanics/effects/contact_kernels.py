@@ -1,4 +1,4 @@
-"""Compiled: distance to an obstacle, points of the curve, and what a point force adds to gradient and Hessian."""
+"""Compiled: distance to an obstacle, points of the curve, and what a point force adds to the equations."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ SPHERE, PLANE, CAPSULE, CYLINDER, BOX = 0.0, 1.0, 2.0, 3.0, 4.0
 WIDTH = 18
 """Numbers of an obstacle: kind, centre (3), rotation matrix (9, by rows), dimensions (3), offset, friction.
 
-Dimensions: radius (sphere); radius, half length along z (capsule, cylinder); half edges (box); the solid is below z = 0
-(plane). The offset is the cable's radius where it counts.
+Dimensions: radius (sphere); radius, half length along z (capsule, cylinder); half edges (box); the solid is
+below z = 0 (plane). The offset is the cable's radius where it counts.
 """
 
 
@@ -21,8 +21,8 @@ Dimensions: radius (sphere); radius, half length along z (capsule, cylinder); ha
 def gap(obstacle, r, n, directions, bends):
     """Distance from r (3,) to the obstacle's surface, less the offset; negative inside.
 
-    `n` (3,) receives its gradient; the Hessian is the sum of bends[i] directions[i] directions[i]^T, `directions`
-    (2, 3) unit vectors across n.
+    `n` (3,) receives its gradient; the Hessian is the sum of bends[i] directions[i] directions[i]^T,
+    `directions` (2, 3) unit vectors across n.
     """
     kind = obstacle[0]
     y = np.empty(3)
@@ -30,7 +30,7 @@ def gap(obstacle, r, n, directions, bends):
         y[i] = 0.0
         for j in range(3):
             y[i] += obstacle[4 + 3 * j + i] * (r[j] - obstacle[1 + j])
-    a, b, c = obstacle[13], obstacle[14], obstacle[15]
+    a, b = obstacle[13], obstacle[14]
     m = np.zeros(3)
     d = np.zeros((2, 3))
     bends[0] = 0.0
@@ -50,7 +50,7 @@ def gap(obstacle, r, n, directions, bends):
             m[0], m[1], m[2] = y[0] / size, y[1] / size, y[2] / size
         across(m, d)
         bends[0], bends[1] = 1.0 / size, 1.0 / size
-    elif kind == CAPSULE or kind == CYLINDER:
+    elif kind in (CAPSULE, CYLINDER):
         size = np.sqrt(y[0] * y[0] + y[1] * y[1])
         x0, x1 = 1.0, 0.0
         if size > 1e-12:
@@ -120,7 +120,8 @@ def across(n, directions):
     sign = 1.0 if n[2] >= 0.0 else -1.0
     a = -1.0 / (sign + n[2])
     b = n[0] * n[1] * a
-    directions[0, 0], directions[0, 1], directions[0, 2] = 1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]
+    directions[0, 0] = 1.0 + sign * n[0] * n[0] * a
+    directions[0, 1], directions[0, 2] = sign * b, -sign * n[0]
     directions[1, 0], directions[1, 1], directions[1, 2] = b, sign + n[1] * n[1] * a, -n[1]
 
 
@@ -154,8 +155,9 @@ def tangent(q, t):
 def curve(q, h, N, primitives, c):
     """Coefficients c (elements, p + 1, 3) of the centreline: sum_k c[e, k] x^k at the place x of element e.
 
-    It integrates the polynomial through the tangents at the element's p Gauss points, so that its ends are where
-    the solver has them. `primitives` (p, p): see `Mesh`, integrals of the Lagrange polynomials through those points.
+    It integrates the polynomial through the tangents at the element's p Gauss points, so that its ends are
+    where the solver has them. `primitives` (p, p): see `Mesh`, integrals of the Lagrange polynomials through
+    those points.
     """
     count = N.shape[0]
     order = N.shape[1] - 1
