@@ -74,8 +74,8 @@ def main() -> None:
         row += [f"{x:10.1e}" for x in (second.max(), second[inner].max(), loop / size)]
         print(f"{name:14}" + "".join(row))
     print(
-        "touch, lift: first angle of contact on the way there, last on the way back, deg; jump: largest second"
-        "\ndifference of the end force over its mean, bend: but at first touch; loop: difference of there and back"
+        "touch, lift: first angle of contact on the way there, last on the way back, deg; jump: largest\n"
+        "second difference of the end force over its mean, bend: but at first touch; loop: there less back"
     )
 
 
