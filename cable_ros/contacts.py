@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from cable_ros.equilibrium import Contact
 from cable_ros.mechanics.effects.contact_kernels import position
-from cable_ros.statics.touch_kernels import FORCE, FRICTION, HELD, OBSTACLE, PLACE
+from cable_ros.statics.touch_points import FORCE, FRICTION, HELD, OBSTACLE, PLACE
 from cable_ros.statics.units import Units
 
 
@@ -20,7 +20,7 @@ def contacts(
     """The contact points in the world, by rising arc length.
 
     Args:
-        points: (n, COLUMNS), see `touch_kernels`, with `normals` (n, 3), both in the start clamp's frame.
+        points: (n, COLUMNS), see `touch_points`, with `normals` (n, 3), both in the start clamp's frame.
         curve: coefficients of the centreline, lengths and starts of the elements, see
             `contact_kernels.curve`.
         coefficients: of friction (obstacles,), zeros where it is left out.

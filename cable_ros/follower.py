@@ -19,12 +19,12 @@ from cable_ros.scene import Cable, Kinematics
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
+from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.readout import polyline_anywhere
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
 from cable_ros.statics.stretching import StretchingRod
-from cable_ros.statics.touch_system import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.touching import TouchingRod
 from cable_ros.statics.units import Units, relative, relative_change
 from cable_ros.statics.walk import End, Walk, walk

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cable_ros.mechanics.effects.contact_kernels import curve
-from cable_ros.statics.touch_kernels import FLAT, FORCE, LENGTH, OBSTACLE, PLACE, TIE, press
-from cable_ros.statics.touch_system import FRICTIONLESS
+from cable_ros.statics.friction_kernels import FRICTIONLESS
+from cable_ros.statics.touch_points import FLAT, FORCE, LENGTH, OBSTACLE, PLACE, TIE
+from cable_ros.statics.touch_search import press
 
 if TYPE_CHECKING:
     from cable_ros.statics.touching import TouchingRod

@@ -1,9 +1,7 @@
-"""Compiled: the equilibrium with contact points, by Newton's method on a changing active set.
+"""Compiled: the equations of a cable that touches.
 
 The unknowns of a contact point are its normal force and, where it slides, its place; both are eliminated as
-borders of the rod's banded system. Coulomb friction is an elastic-plastic law for the increment since the
-last equilibrium: stick is a stiff spring, slip a force of the cone's size against the increment (return
-mapping). Units of the cable, start clamp's frame.
+borders of the rod's banded system. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -11,46 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.contact_kernels import (
-    across,
-    curve,
-    find_element,
-    position,
-    pull,
-    shape,
-    tangent,
-)
+from cable_ros.mechanics.effects.contact_kernels import across, find_element, position, pull, shape, tangent
 from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_derivative
-from cable_ros.solve import banded
-from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
-from cable_ros.statics.saddle import border_factor, border_step, end_coupling
-from cable_ros.statics.touch_kernels import (
-    FLAT,
-    FORCE,
-    FOUNDATION,
-    FRICTION,
-    HELD,
-    LENGTH,
-    MOST_SAMPLES,
-    OBSTACLE,
-    PLACE,
-    coarse,
-    flatten,
-    gap_at,
-    grid,
-    hold_ends,
-    place_points,
-    press,
-    revise,
-    within,
-)
+from cable_ros.statics.friction_kernels import FRICTIONLESS, carry, rub
+from cable_ros.statics.touch_places import gap_at
+from cable_ros.statics.touch_points import FLAT, FORCE, FOUNDATION, FRICTION, HELD, LENGTH, OBSTACLE, PLACE
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
-
-FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
-STICK = 1e6
-"""Stiffness of stick, EI / L^3: what sticks creeps by 1e-6 of the length per unit of force."""
 
 
 @njit(**OPTIONS)
@@ -89,66 +54,6 @@ def part(primitives, k, x):
     for m in range(primitives.shape[0] - 1, -1, -1):
         v = (v + primitives[m, k]) * x
     return v
-
-
-@njit(**OPTIONS)
-def rub(points, i, n, t, mu, model, step, turned, sense, limit):
-    """Friction on contact point i after the increment `step` (3,) over the obstacle; writes it to `points`.
-
-    `turned` (3,): the friction before, turned with the obstacle; `sense` (3,): which way the end goes, its
-    length the part of the friction that is mobilised. `limit` (7,) receives the tangent: direction of the
-    slip force (3; zero: stick), direction across it (3), stiffness across.
-    """
-    for a in range(7):
-        limit[a] = 0.0
-    cone = mu * max(points[i, FORCE], 0.0)
-    if model == SLIDING:
-        side = np.cross(t, n)
-        size = np.sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
-        way = side[0] * sense[0] + side[1] * sense[1] + side[2] * sense[2]
-        share = np.sqrt(sense[0] ** 2 + sense[1] ** 2 + sense[2] ** 2) * (-1.0 if way > 0.0 else 1.0)
-        for a in range(3):
-            limit[a] = 0.0 if size == 0.0 else share * side[a] / size
-            points[i, FRICTION + a] = cone * limit[a]
-        return
-    trial = np.empty(3)
-    normal = 0.0
-    for a in range(3):
-        trial[a] = turned[a] - STICK * step[a]
-        normal += trial[a] * n[a]
-    size = 0.0
-    for a in range(3):
-        trial[a] -= normal * n[a]
-        size += trial[a] * trial[a]
-    size = np.sqrt(size)
-    if size <= cone:
-        limit[6] = STICK
-        for a in range(3):
-            points[i, FRICTION + a] = trial[a]
-        return
-    for a in range(3):
-        limit[a] = trial[a] / size
-        points[i, FRICTION + a] = cone * limit[a]
-    limit[3] = n[1] * limit[2] - n[2] * limit[1]
-    limit[4] = n[2] * limit[0] - n[0] * limit[2]
-    limit[5] = n[0] * limit[1] - n[1] * limit[0]
-    limit[6] = STICK * cone / size
-
-
-@njit(**OPTIONS)
-def carry(old, new, r, v):
-    """Move the place r (3,) and turn the vector v (3,) with an obstacle from where it was to where it is."""
-    y, w = np.zeros(3), np.zeros(3)
-    for i in range(3):
-        for j in range(3):
-            y[i] += old[4 + 3 * j + i] * (r[j] - old[1 + j])
-            w[i] += old[4 + 3 * j + i] * v[j]
-    for i in range(3):
-        r[i] = new[1 + i]
-        v[i] = 0.0
-        for j in range(3):
-            r[i] += new[4 + 3 * i + j] * y[j]
-            v[i] += new[4 + 3 * i + j] * w[j]
 
 
 @njit(**OPTIONS)
@@ -324,157 +229,6 @@ def at_place(q, first, order, N, frame, qs, D):
             qs[a] += N[j] * q[first + j, a]
             for m in range(3 * j, 3 * j + 3):
                 D[a, m] = N[j] * frame[a, m]
-
-
-@njit(**OPTIONS)
-def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S):
-    """`border_factor` where multipliers act along W, constraints read V; says nothing about stability."""
-    n = elastic.shape[0]
-    for i in range(n):
-        for j in range(A.shape[1]):
-            A[i, j] = elastic[i, j] + geometric[i, j]
-    banded.factor(A, 3, n - 3, order, U, pivots)
-    for a in range(rows):
-        for i in range(n):
-            Y[a, i] = W[a, i] if 3 <= i < n - 3 else 0.0
-        banded.solve(U, pivots, 3, n - 3, order, Y[a])
-    for a in range(rows):
-        for b in range(rows):
-            s = 0.0
-            for i in range(3, n - 3):
-                s += V[a, i] * Y[b, i]
-            S[a, b] = s
-        S[a, a] += delta[a]
-
-
-@njit(**OPTIONS)
-def touch(
-    q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, cells,
-    obstacles, old_obstacles, sense, model, points, count, rows, ready, gaps, normals,
-    elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
-    tolerance, depth, limit, q_new, F_new,
-):  # fmt: skip
-    """From the equilibrium (q, F) with contact to the one under new conditions; see `compiled.advance`.
-
-    A tangent step from the old state, Newton's method on the active set, and revisions of the set until no
-    point pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place. Where the
-    factors of the last equilibrium with its `rows` borders are still there, `ready`, the first step takes
-    them. Returns (code, iterations, count, rows, whether another mesh would hold the points better).
-    """
-    N, gauss = tables[0], tables[4]
-    order = N.shape[1] - 1
-    n = 3 * q.shape[0]
-    gv = g.reshape(n)
-    s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
-    elements = h.shape[0]
-    spacing = 1.0 / cells
-    buffer = np.empty(MOST_SAMPLES)
-    samples = buffer[: grid(points, count, cells, buffer)]
-    phi = np.empty((obstacles.shape[0], MOST_SAMPLES))
-    c = np.empty((elements, gauss.shape[0] + 1, 3))
-    old_c = np.empty_like(c)
-    curve(q, h, N, primitives, old_c)
-    old_h, old_s0 = h.copy(), s0.copy()
-    points[:, HELD : HELD + 3] = points[:, FRICTION : FRICTION + 3]
-    last = q.shape[0] - 1
-    q_new[:] = q
-    F_new[:] = F
-    if not ready:
-        hold_ends(q_new, h, s0, nodes, spacing, points, count)
-    theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
-    total, size = 0, 0.0
-    lift, moved, convex = True, False, True
-    for revision in range(44):
-        converged = False
-        for iteration in range(25):
-            changes = 0
-            if not lift:
-                curve(q_new, h, N, primitives, c)
-                flattened, count = flatten(q_new, h, s0, nodes, c, samples, spacing, obstacles, points, count)
-                moved = not place_points(
-                    q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count
-                )
-                if flattened or (iteration == 0 and revision > 0):
-                    changes = 1  # the set that has just been chosen holds for a step
-                else:
-                    changes, count = press(
-                        c, h, s0, samples, spacing, obstacles, points, count, phi, FOUNDATION, False
-                    )
-            else:
-                curve(q_new, h, N, primitives, c)
-            full = not (lift and ready)
-            known, same = system(
-                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
-                old_s0, old_obstacles, sense, model, points, count, gaps, normals,
-                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
-            )  # fmt: skip
-            if full:
-                rows = known
-            if not full:
-                pass
-            elif same:
-                convex = border_factor(
-                    elastic, geometric, 0.0, order, A, U, pivots, V, delta, rows, 3 + count, Y, S
-                )
-            else:
-                skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S)
-            b[:] = 0.0
-            for a in range(3):
-                b[a] = totals[a] - re[a]
-            for i in range(count):
-                b[3 + i] = gaps[i] + points[i, FORCE] * delta[3 + i]
-            if lift:
-                end_coupling(elastic, geometric, V, rows, theta, gv, b)
-            border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)
-            if lift:
-                for k in range(3):
-                    s[n - 3 + k] = theta[k]
-            new = largest(s)
-            if not new <= limit:
-                return TOO_FAR, total, count, rows, moved
-            quaternion.retract(q_new, s, q_new)
-            close(q_new, qe)
-            scale, change = 1e-3, 0.0
-            for a in range(3):
-                F_new[a] += y[a]
-                scale = max(scale, abs(F_new[a]))
-                change = max(change, abs(y[a]))
-            for i in range(count):
-                points[i, FORCE] += y[3 + i]
-                if points[i, FLAT] == 0.0:
-                    change = max(change, abs(y[3 + i]))
-            new = max(new, change / scale)
-            if not lift:
-                total += 1
-                rate = min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1
-                if changes == 0 and (new * rate <= tolerance or new < 1e-13):
-                    converged = True
-                    break
-                if iteration > 12 and new > 0.5 * size and model == FRICTIONLESS:
-                    return NOT_CONTRACTING, total, count, rows, moved
-            lift = False
-            size = new
-        if not converged:
-            return NOT_CONTRACTING, total, count, rows, moved
-        changed, count = revise(
-            q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi,
-            revision == 0,
-        )  # fmt: skip
-        if not within(points, count, samples, spacing):
-            samples = buffer[: grid(points, count, cells, buffer)]
-            changed = changed or revision < 8
-        if not changed:
-            moved = moved or coarse(points, count, h, s0, spacing)
-            if not convex and model == FRICTIONLESS:
-                return NOT_CONVEX, total, count, rows, moved
-            system(
-                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
-                old_s0, old_obstacles, sense, model, points, count, gaps, normals,
-                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, False,
-            )  # fmt: skip
-            return ADVANCED, total, count, rows, moved
-        size = 0.0
-    return NOT_CONTRACTING, total, count, rows, moved
 
 
 @njit(**OPTIONS)

@@ -12,11 +12,12 @@ from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.mechanics.elements import Mesh, primitives
 from cable_ros.solve.trust_region import Options, minimize
 from cable_ros.statics import compiled
+from cable_ros.statics.friction_kernels import FRICTIONLESS, SLIDING
 from cable_ros.statics.response import border_response
 from cable_ros.statics.rod import NOTHING, REFRESH, Rod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.softened import Softened
-from cable_ros.statics.touch_kernels import (
+from cable_ros.statics.touch_points import (
     CAPACITY,
     COLUMNS,
     FLAT,
@@ -26,17 +27,14 @@ from cable_ros.statics.touch_kernels import (
     HELD,
     LENGTH,
     LYING,
-    MOST_SAMPLES,
     OBSTACLE,
     PLACE,
     TIE,
     coarse,
-    dips,
-    grid,
-    passage,
-    within,
 )
-from cable_ros.statics.touch_system import FRICTIONLESS, SLIDING, nodal, point_forces, system, touch
+from cable_ros.statics.touch_search import MOST_SAMPLES, dips, grid, passage, within
+from cable_ros.statics.touch_step import touch
+from cable_ros.statics.touch_system import nodal, point_forces, system
 from cable_ros.statics.units import relative_change
 
 ROWS = 3 + 6 * CAPACITY

@@ -1,0 +1,157 @@
+"""Compiled: where contact points sit on the cable, and the boundaries between elements that go with them.
+
+The curvature has a kink under a point force, and the shear force jumps at the ends of a stretch: both want a
+boundary between two elements. Units of the cable, start clamp's frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+from cable_ros.mechanics.effects.contact_kernels import curve, direction, gap, position, shape
+from cable_ros.statics.touch_points import FLAT, OBSTACLE, PLACE, TIE
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+NARROWEST = 0.12
+"""A boundary slides no nearer to its neighbours than this part of the way between them."""
+
+
+@njit(**OPTIONS)
+def gap_at(q, h, s0, nodes, c, s, obstacle, r, t, dt, n, directions, bends):
+    """Gap at arc length s, its first and second derivative by s."""
+    position(c, h, s0, s, r)
+    direction(q, h, s0, nodes, s, t, dt)
+    value = gap(obstacle, r, n, directions, bends)
+    slope, curvature = 0.0, 0.0
+    for a in range(3):
+        slope += n[a] * t[a]
+        curvature += n[a] * dt[a]
+    for i in range(2):
+        along = directions[i, 0] * t[0] + directions[i, 1] * t[1] + directions[i, 2] * t[2]
+        curvature += bends[i] * along * along
+    return value, slope, curvature
+
+
+@njit(**OPTIONS)
+def lowest(q, h, s0, nodes, c, s, reach, obstacle):
+    """The arc length of the gap's minimum near s, at most `reach` away, by safeguarded Newton steps."""
+    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    low, high = max(s - reach, 0.0), min(s + reach, 1.0)
+    for _ in range(30):
+        _, slope, curvature = gap_at(q, h, s0, nodes, c, s, obstacle, r, t, dt, n, directions, bends)
+        if slope > 0.0:
+            high = s
+        else:
+            low = s
+        new = s - slope / curvature if curvature > 0.0 else 0.5 * (low + high)
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        if abs(new - s) < 1e-13:
+            return new
+        s = new
+    return s
+
+
+@njit(**OPTIONS)
+def slide(q, h, s0, nodes, boundary, s):
+    """Move the boundary between two elements to the arc length s; the shape q (n, 4) stays, its nodes move.
+
+    Returns whether it may: not too near to the neighbouring boundaries.
+    """
+    e = boundary - 1
+    low, old = s0[e], s0[boundary]
+    high = old + h[boundary]
+    if s - low < NARROWEST * (high - low) or high - s < NARROWEST * (high - low):
+        return False
+    if s == old:
+        return True
+    order = nodes.shape[0] - 1
+    first = e * order
+    N, dN = np.empty(order + 1), np.empty(order + 1)
+    moved = np.empty((2 * order + 1, 4))
+    for m in range(2 * order + 1):
+        at = low + (s - low) * nodes[m] if m <= order else s + (high - s) * nodes[m - order]
+        left = at < old
+        shape(nodes, (at - low) / (old - low) if left else (at - old) / (high - old), N, dN)
+        base = first if left else first + order
+        size = 0.0
+        for a in range(4):
+            v = 0.0
+            for i in range(order + 1):
+                v += N[i] * q[base + i, a]
+            moved[m, a] = v
+            size += v * v
+        size = 1.0 / np.sqrt(size)
+        for a in range(4):
+            moved[m, a] *= size
+    for m in range(1, 2 * order):
+        for a in range(4):
+            q[first + m, a] = moved[m, a]
+    h[e], h[boundary] = s - low, high - s
+    s0[boundary] = s
+    return True
+
+
+@njit(**OPTIONS)
+def tie(points, count, i, h, s0):
+    """Give contact point i the nearest free boundary that can come to it, or none; whether it has one."""
+    s = points[i, PLACE]
+    best, distance = -1, np.inf
+    for b in range(1, h.shape[0]):
+        low, high = s0[b - 1], s0[b] + h[b]
+        margin = 1.5 * NARROWEST * (high - low)
+        if not low + margin < s < high - margin or abs(s - s0[b]) >= distance:
+            continue
+        taken = False
+        for k in range(count):
+            taken = taken or points[k, TIE] == b
+        if not taken:
+            best, distance = b, abs(s - s0[b])
+    points[i, TIE] = best
+    return best >= 0
+
+
+@njit(**OPTIONS)
+def place_points(q, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count):
+    """Let the sliding points go to their gap's minimum, with their boundaries; whether all have one."""
+    curve(q, h, N, primitives, c)
+    tied = True
+    for i in range(count):
+        if points[i, FLAT] == 1.0:
+            continue
+        ob = obstacles[int(points[i, OBSTACLE])]
+        points[i, PLACE] = lowest(q, h, s0, nodes, c, points[i, PLACE], spacing, ob)
+        if points[i, TIE] < 0.0 and not tie(points, count, i, h, s0):
+            tied = False
+            continue
+        slid = slide(q, h, s0, nodes, int(points[i, TIE]), points[i, PLACE])
+        if not slid and tie(points, count, i, h, s0):
+            slid = slide(q, h, s0, nodes, int(points[i, TIE]), points[i, PLACE])
+        if slid:
+            curve(q, h, N, primitives, c)
+        else:
+            points[i, TIE] = -1.0
+            tied = False
+    return tied
+
+
+@njit(**OPTIONS)
+def hold_ends(q, h, s0, nodes, spacing, points, count):
+    """Slide a boundary between elements to each end of a stretch: there the shear force jumps."""
+    for i in range(count):
+        points[i, TIE] = points[i, TIE] if points[i, FLAT] == 0.0 else -1.0
+    for i in range(count):
+        s = points[i, PLACE]
+        if points[i, FLAT] != 1.0 or s < 1.5 * spacing or s > 1.0 - 1.5 * spacing:
+            continue
+        first, last = True, True
+        for k in range(count):
+            if k != i and points[k, FLAT] == 1.0 and points[k, OBSTACLE] == points[i, OBSTACLE]:
+                d = points[k, PLACE] - s
+                first = first and not -1.5 * spacing < d < 0.0
+                last = last and not 0.0 < d < 1.5 * spacing
+        if (first or last) and tie(points, count, i, h, s0):
+            slide(q, h, s0, nodes, int(points[i, TIE]), s)

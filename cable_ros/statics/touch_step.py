@@ -1,0 +1,170 @@
+"""Compiled: from one equilibrium that touches to the next, by Newton's method on a changing active set."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+from cable_ros.mechanics import quaternion
+from cable_ros.mechanics.effects.contact_kernels import curve
+from cable_ros.solve import banded
+from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
+from cable_ros.statics.friction_kernels import FRICTIONLESS
+from cable_ros.statics.saddle import border_factor, border_step, end_coupling
+from cable_ros.statics.touch_places import hold_ends, place_points
+from cable_ros.statics.touch_points import FLAT, FORCE, FOUNDATION, FRICTION, HELD, coarse
+from cable_ros.statics.touch_search import MOST_SAMPLES, flatten, grid, press, revise, within
+from cable_ros.statics.touch_system import system
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**OPTIONS)
+def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S):
+    """`border_factor` where multipliers act along W, constraints read V; says nothing about stability."""
+    n = elastic.shape[0]
+    for i in range(n):
+        for j in range(A.shape[1]):
+            A[i, j] = elastic[i, j] + geometric[i, j]
+    banded.factor(A, 3, n - 3, order, U, pivots)
+    for a in range(rows):
+        for i in range(n):
+            Y[a, i] = W[a, i] if 3 <= i < n - 3 else 0.0
+        banded.solve(U, pivots, 3, n - 3, order, Y[a])
+    for a in range(rows):
+        for b in range(rows):
+            s = 0.0
+            for i in range(3, n - 3):
+                s += V[a, i] * Y[b, i]
+            S[a, b] = s
+        S[a, a] += delta[a]
+
+
+@njit(**OPTIONS)
+def touch(
+    q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, cells,
+    obstacles, old_obstacles, sense, model, points, count, rows, ready, gaps, normals,
+    elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
+    tolerance, depth, limit, q_new, F_new,
+):  # fmt: skip
+    """From the equilibrium (q, F) with contact to the one under new conditions; see `compiled.advance`.
+
+    A tangent step from the old state, Newton's method on the active set, and revisions of the set until no
+    point pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place. Where the
+    factors of the last equilibrium with its `rows` borders are still there, `ready`, the first step takes
+    them. Returns (code, iterations, count, rows, whether another mesh would hold the points better).
+    """
+    N, gauss = tables[0], tables[4]
+    order = N.shape[1] - 1
+    n = 3 * q.shape[0]
+    gv = g.reshape(n)
+    s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
+    elements = h.shape[0]
+    spacing = 1.0 / cells
+    buffer = np.empty(MOST_SAMPLES)
+    samples = buffer[: grid(points, count, cells, buffer)]
+    phi = np.empty((obstacles.shape[0], MOST_SAMPLES))
+    c = np.empty((elements, gauss.shape[0] + 1, 3))
+    old_c = np.empty_like(c)
+    curve(q, h, N, primitives, old_c)
+    old_h, old_s0 = h.copy(), s0.copy()
+    points[:, HELD : HELD + 3] = points[:, FRICTION : FRICTION + 3]
+    last = q.shape[0] - 1
+    q_new[:] = q
+    F_new[:] = F
+    if not ready:
+        hold_ends(q_new, h, s0, nodes, spacing, points, count)
+    theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
+    total, size = 0, 0.0
+    lift, moved, convex = True, False, True
+    for revision in range(44):
+        converged = False
+        for iteration in range(25):
+            changes = 0
+            if not lift:
+                curve(q_new, h, N, primitives, c)
+                flattened, count = flatten(q_new, h, s0, nodes, c, samples, spacing, obstacles, points, count)
+                moved = not place_points(
+                    q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count
+                )
+                if flattened or (iteration == 0 and revision > 0):
+                    changes = 1  # the set that has just been chosen holds for a step
+                else:
+                    changes, count = press(
+                        c, h, s0, samples, spacing, obstacles, points, count, phi, FOUNDATION, False
+                    )
+            else:
+                curve(q_new, h, N, primitives, c)
+            full = not (lift and ready)
+            known, same = system(
+                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
+                old_s0, old_obstacles, sense, model, points, count, gaps, normals,
+                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
+            )  # fmt: skip
+            if full:
+                rows = known
+            if not full:
+                pass
+            elif same:
+                convex = border_factor(
+                    elastic, geometric, 0.0, order, A, U, pivots, V, delta, rows, 3 + count, Y, S
+                )
+            else:
+                skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S)
+            b[:] = 0.0
+            for a in range(3):
+                b[a] = totals[a] - re[a]
+            for i in range(count):
+                b[3 + i] = gaps[i] + points[i, FORCE] * delta[3 + i]
+            if lift:
+                end_coupling(elastic, geometric, V, rows, theta, gv, b)
+            border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)
+            if lift:
+                for k in range(3):
+                    s[n - 3 + k] = theta[k]
+            new = largest(s)
+            if not new <= limit:
+                return TOO_FAR, total, count, rows, moved
+            quaternion.retract(q_new, s, q_new)
+            close(q_new, qe)
+            scale, change = 1e-3, 0.0
+            for a in range(3):
+                F_new[a] += y[a]
+                scale = max(scale, abs(F_new[a]))
+                change = max(change, abs(y[a]))
+            for i in range(count):
+                points[i, FORCE] += y[3 + i]
+                if points[i, FLAT] == 0.0:
+                    change = max(change, abs(y[3 + i]))
+            new = max(new, change / scale)
+            if not lift:
+                total += 1
+                rate = min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1
+                if changes == 0 and (new * rate <= tolerance or new < 1e-13):
+                    converged = True
+                    break
+                if iteration > 12 and new > 0.5 * size and model == FRICTIONLESS:
+                    return NOT_CONTRACTING, total, count, rows, moved
+            lift = False
+            size = new
+        if not converged:
+            return NOT_CONTRACTING, total, count, rows, moved
+        changed, count = revise(
+            q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi,
+            revision == 0,
+        )  # fmt: skip
+        if not within(points, count, samples, spacing):
+            samples = buffer[: grid(points, count, cells, buffer)]
+            changed = changed or revision < 8
+        if not changed:
+            moved = moved or coarse(points, count, h, s0, spacing)
+            if not convex and model == FRICTIONLESS:
+                return NOT_CONVEX, total, count, rows, moved
+            system(
+                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
+                old_s0, old_obstacles, sense, model, points, count, gaps, normals,
+                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, False,
+            )  # fmt: skip
+            return ADVANCED, total, count, rows, moved
+        size = 0.0
+    return NOT_CONTRACTING, total, count, rows, moved
