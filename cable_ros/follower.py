@@ -1,30 +1,26 @@
-"""One cable of a tracker: its state between two solves, and how its results are read off."""
+"""One cable of a tracker: its state between two solves."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
+from cable_ros import results
 from cable_ros.auto_effects import Choice
-from cable_ros.contacts import contacts
-from cable_ros.equilibrium import Contact, Equilibrium
+from cable_ros.equilibrium import Equilibrium
 from cable_ros.mechanics.effects.contact import gaps, placed
 from cable_ros.mechanics.effects.effect import Properties
-from cable_ros.mechanics.elements import Mesh, Sampling, integrals, sampling
 from cable_ros.scene import Cable, Kinematics
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
-from cable_ros.statics.readout import polyline_anywhere
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
-from cable_ros.statics.stretching import StretchingRod
 from cable_ros.statics.touching import TouchingRod
 from cable_ros.statics.units import Units, relative, relative_change
 from cable_ros.statics.walk import End, Walk, walk
@@ -59,7 +55,7 @@ class Follower:
         self.environment: dict[str, float] = {}
         self.choice: Choice | None = None
         self._use(properties)
-        self._sampling: tuple[Mesh, int, Sampling] | None = None
+        self._polyline = results.Polyline()
         self.reset()
 
     def _use(self, properties: Properties) -> None:
@@ -320,14 +316,17 @@ class Follower:
         unit = self._units
         self._twist = float(rod.totals[4])
         end_wrench, start_wrench = self.wrenches(rod)
-        points, orientations = self._polyline(rod, poses[0])
+        points, orientations = self._polyline.read(
+            rod, self._q, self._F, poses[0], unit.length, self.polyline_points
+        )
+        friction = None if self._obstacles is None else self._obstacles[:, 17]
         return Equilibrium(
             status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
             end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
             total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment,
             error_estimate=self._estimate + self._give, iterations=iterations,
-            solve_time=time.perf_counter() - begin, _touching=self._touching(rod, poses[0]),
-            _tangent=partial(_tangent, rod.snapshot(), rod.qe, rod.re, rod.f, self._q, self._F, unit),
+            solve_time=time.perf_counter() - begin, _tangent=results.tangent(rod, self._q, self._F, unit),
+            _touching=results.touching(rod, friction, self._names, poses[0], unit),
         )  # fmt: skip
 
     @property
@@ -352,50 +351,11 @@ class Follower:
 
     def wrenches(self, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
         """(6,), (6,): what the cable exerts at its end and start at present, SI, in the clamps' frames."""
-        end, start, unit = np.empty(6), np.empty(6), self._units
-        held, at_end = rod.held()
-        # `wrenches` adds what the start clamp bears beyond the end's
-        compiled.wrenches(self._F - at_end, rod.f + held + at_end, rod.qe, rod.g, unit.force, unit.moment,
-                          end, start)  # fmt: skip
-        return end, start
-
-    def _touching(self, rod: Rod, start: np.ndarray) -> Callable[[], tuple[Contact, ...]] | None:
-        """What reads the contacts off once it is called; from copies: the tracker moves on."""
-        if not isinstance(rod, TouchingRod) or not rod.count or self._obstacles is None:
-            return None
-        coefficients = self._obstacles[:, 17] if rod.model != FRICTIONLESS else np.zeros(len(self._obstacles))
-        clamped, across = rod.at_clamps()
-        points = np.vstack([rod.points[: rod.count], clamped])
-        normals = np.vstack([rod.normals[: rod.count], across])
-        curve = rod.c.copy(), rod.h.copy(), rod.s0.copy()
-        return partial(contacts, points, normals, curve, coefficients, self._names, start.copy(), self._units)
-
-    def _polyline(self, rod: Rod, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        points, orientations = np.empty((self.polyline_points, 3)), np.empty((self.polyline_points, 4))
-        if isinstance(rod, TouchingRod) and rod.count:
-            element = rod.mesh.element
-            polyline_anywhere(self._q, rod.h, rod.s0, element.nodes, *integrals(element.order), start,
-                              self._units.length, points, orientations)  # fmt: skip
-            return points, orientations
-        known, n = self._sampling, self.polyline_points
-        if known is None or known[0] is not rod.mesh or known[1] != n:
-            self._sampling = known = rod.mesh, n, sampling(rod.mesh, n)
-        table = known[2]
-        compiled.polyline(self._q, rod.h, table.element, table.values, table.weights, table.quadrature,
-                          start, self._units.length, points, orientations)  # fmt: skip
-        if isinstance(rod, StretchingRod):
-            rod.stretch_points(self._q, self._F, table, start, self._units.length, points)
-        return points, orientations
+        return results.wrenches(rod, self._F, self._units)
 
     def failed(self, status: Status, message: str, solve_time: float) -> Equilibrium:
         """A result without numbers."""
-        n, nan = self.polyline_points, np.nan
-        return Equilibrium(
-            status=status, message=message, converged=False, stable=False, stability_margin=nan,
-            end_wrench=np.full(6, nan), start_wrench=np.full(6, nan), points=np.full((n, 3), nan),
-            orientations=np.full((n, 4), nan), total_twist=nan, energy=nan, error_estimate=nan, iterations=0,
-            solve_time=solve_time,
-        )  # fmt: skip
+        return results.failed(status, message, solve_time, self.polyline_points)
 
 
 def _choice(chosen: Found, found: list[Found]) -> str:
@@ -405,15 +365,3 @@ def _choice(chosen: Found, found: list[Found]) -> str:
     if twins < 2:
         return sentence
     return f"{sentence[:-1]}, one of {twins} of equal energy: this side is an arbitrary choice."
-
-
-def _tangent(
-    snapshot: Callable[[], Rod], qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray,
-    unit: Units,
-) -> np.ndarray:  # fmt: skip
-    """`Equilibrium.clamp_stiffness`, from a copy of the rod: the tracker's own may have moved on."""
-    copy = snapshot()
-    copy.set_conditions(qe, re, f)
-    scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2)
-    scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2)
-    return -copy.clamp_stiffness(q, F) * scale_wrench[:, None] / scale_motion[None, :]

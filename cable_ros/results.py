@@ -1,0 +1,112 @@
+"""What is read off a rod at an equilibrium, in SI units and in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from cable_ros.contacts import contacts
+from cable_ros.equilibrium import Contact, Equilibrium
+from cable_ros.mechanics.elements import Mesh, Sampling, integrals, sampling
+from cable_ros.solve.status import Status
+from cable_ros.statics import compiled
+from cable_ros.statics.friction_kernels import FRICTIONLESS
+from cable_ros.statics.readout import polyline_anywhere
+from cable_ros.statics.rod import Rod
+from cable_ros.statics.stretching import StretchingRod
+from cable_ros.statics.touching import TouchingRod
+from cable_ros.statics.units import Units
+
+
+def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarray]:
+    """(6,), (6,): what the cable exerts at its end and start, N and N m, in the clamps' frames.
+
+    `rod` is at an equilibrium with the end force F (3,), in units of the cable.
+    """
+    end, start = np.empty(6), np.empty(6)
+    held, at_end = rod.held()
+    # `wrenches` adds what the start clamp bears beyond the end's
+    compiled.wrenches(F - at_end, rod.f + held + at_end, rod.qe, rod.g, unit.force, unit.moment, end, start)
+    return end, start
+
+
+class Polyline:
+    """Reads points and frames of the centreline off rods; keeps the table of the last mesh."""
+
+    def __init__(self) -> None:
+        self._known: tuple[Mesh, int, Sampling] | None = None
+
+    def read(
+        self, rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, length: float, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Points (count, 3), m, and frames (count, 4), x y z w, in the world, at equal arc lengths.
+
+        Args:
+            rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,).
+            start: (7,) the start clamp in the world, m, quaternion x y z w.
+            length: of the cable, m.
+        """
+        points, orientations = np.empty((count, 3)), np.empty((count, 4))
+        if isinstance(rod, TouchingRod) and rod.count:
+            element = rod.mesh.element
+            polyline_anywhere(q, rod.h, rod.s0, element.nodes, *integrals(element.order), start, length,
+                              points, orientations)  # fmt: skip
+            return points, orientations
+        known = self._known
+        if known is None or known[0] is not rod.mesh or known[1] != count:
+            self._known = known = rod.mesh, count, sampling(rod.mesh, count)
+        table = known[2]
+        compiled.polyline(q, rod.h, table.element, table.values, table.weights, table.quadrature,
+                          start, length, points, orientations)  # fmt: skip
+        if isinstance(rod, StretchingRod):
+            rod.stretch_points(q, F, table, start, length, points)
+        return points, orientations
+
+
+def touching(
+    rod: Rod, friction: np.ndarray | None, names: Sequence[str], start: np.ndarray, unit: Units
+) -> Callable[[], tuple[Contact, ...]] | None:
+    """What reads the contacts off once it is called; from copies, since the rod moves on. None: no contact.
+
+    Args:
+        friction: (obstacles,) coefficients; None: no obstacles.
+        names: of the obstacles.
+        start: (7,) the start clamp in the world, m, quaternion x y z w.
+    """
+    if not isinstance(rod, TouchingRod) or not rod.count or friction is None:
+        return None
+    coefficients = friction if rod.model != FRICTIONLESS else np.zeros(len(friction))
+    clamped, across = rod.at_clamps()
+    points = np.vstack([rod.points[: rod.count], clamped])
+    normals = np.vstack([rod.normals[: rod.count], across])
+    curve = rod.c.copy(), rod.h.copy(), rod.s0.copy()
+    return partial(contacts, points, normals, curve, coefficients, names, start.copy(), unit)
+
+
+def tangent(rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units) -> Callable[[], np.ndarray]:
+    """What finds `Equilibrium.clamp_stiffness` once it is called; from a copy, since the rod moves on."""
+    return partial(_tangent, rod.snapshot(), rod.qe, rod.re, rod.f, q, F, unit)
+
+
+def _tangent(
+    snapshot: Callable[[], Rod], qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray,
+    unit: Units,
+) -> np.ndarray:  # fmt: skip
+    copy = snapshot()
+    copy.set_conditions(qe, re, f)
+    scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2)
+    scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2)
+    return -copy.clamp_stiffness(q, F) * scale_wrench[:, None] / scale_motion[None, :]
+
+
+def failed(status: Status, message: str, solve_time: float, polyline_points: int) -> Equilibrium:
+    """A result without numbers."""
+    n, nan = polyline_points, np.nan
+    return Equilibrium(
+        status=status, message=message, converged=False, stable=False, stability_margin=nan,
+        end_wrench=np.full(6, nan), start_wrench=np.full(6, nan), points=np.full((n, 3), nan),
+        orientations=np.full((n, 4), nan), total_twist=nan, energy=nan, error_estimate=nan, iterations=0,
+        solve_time=solve_time,
+    )  # fmt: skip
