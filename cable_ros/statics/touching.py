@@ -10,48 +10,32 @@ import numpy as np
 from cable_ros.mechanics.effects.contact import gaps
 from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.mechanics.elements import Mesh, primitives
-from cable_ros.solve.trust_region import Options, minimize
+from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
+from cable_ros.statics.descent import descend, give_way
 from cable_ros.statics.friction_kernels import FRICTIONLESS, SLIDING
 from cable_ros.statics.response import border_response
 from cable_ros.statics.rod import NOTHING, REFRESH, Rod
 from cable_ros.statics.saddle import NEUTRAL
-from cable_ros.statics.softened import Softened
+from cable_ros.statics.touch_meshes import fitted, suited
 from cable_ros.statics.touch_points import (
     CAPACITY,
     COLUMNS,
     FLAT,
     FORCE,
-    FOUNDATION,
     FRICTION,
     HELD,
     LENGTH,
-    LYING,
     OBSTACLE,
     PLACE,
     TIE,
-    coarse,
 )
-from cable_ros.statics.touch_search import MOST_SAMPLES, dips, grid, passage, within
+from cable_ros.statics.touch_search import dips, passage
 from cable_ros.statics.touch_step import touch
 from cable_ros.statics.touch_system import nodal, point_forces, system
 from cable_ros.statics.units import relative_change
 
 ROWS = 3 + 6 * CAPACITY
-SPRINGS = (3e4, 3e6, 3e8, FOUNDATION)
-"""Stiffness of the soft obstacles, EI / L^4, in turn: the first shows the way, the last who touches."""
-MOST_GRIDS = 6
-"""So often at most the samples are placed anew about the ends of stretches."""
-DESCENT = Options(
-    radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
-)
-"""For a descent that must not leave its valley."""
-GRID = np.linspace(0.0, 1.0, 33)
-"""Where shapes are compared."""
-SMALL = 2e-3
-"""Motion of a step, in lengths of the cable and rad, below which even friction is given up for an answer."""
-CLOSEST = 0.02
-"""A boundary is put no nearer than this to another, parts of the length."""
 
 
 class TouchingRod(Rod):
@@ -190,81 +174,17 @@ class TouchingRod(Rod):
         if self.count:
             assert self.obstacles is not None
             # mostly the same equilibrium on another mesh: its contacts are known
-            code, iterations, q_new, F_new = self._touch(
+            code, iterations, q_new, F_new = self.touch(
                 q, F, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
             )
             if code == compiled.ADVANCED:
                 return q_new, F_new, iterations
-        return self._descend(q, F, options, 0)
+        return descend(self, q, F, options)
 
-    def _descend(
-        self, q: np.ndarray, F: np.ndarray, options: Options, first: int
-    ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """As `minimum`, with springs from SPRINGS[first] on; puts contacts and mesh back where it fails."""
-        assert self.obstacles is not None
-        kept, mesh, total = self._state(), self.mesh, 0
-        samples = self.samples
-        for stage in range(first, len(SPRINGS) + MOST_GRIDS):
-            stiffness = SPRINGS[min(stage, len(SPRINGS) - 1)]
-            self.count = 0
-            soft = Softened(self, stiffness, samples)
-            result = minimize(soft, q, F, options)
-            total += result.iterations
-            if not result.converged:
-                break
-            q, F = result.x, result.y
-            self.ready = False
-            if stage == 0 and self._known(q, result.objective):
-                break
-            short = soft.harden(q)
-            self._inherit(kept[0])
-            if not self.count:
-                return (q, F, total) if self.refactor(q, F) else None
-            if not short:
-                if coarse(self.points, self.count, self.h, self.s0, self.spacing):
-                    q = self._fit(q)
-                    continue
-                if stage < len(SPRINGS) - 1:
-                    continue
-                if not within(self.points, self.count, samples, self.spacing):
-                    samples = np.empty(MOST_SAMPLES)
-                    samples = samples[: grid(self.points, self.count, self.cells, samples)]
-                    continue
-            code, iterations, q_new, F_new = self._touch(
-                q, F, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
-            )
-            if code == compiled.ADVANCED:
-                return q_new, F_new, total + iterations
-        if self.mesh is not mesh:
-            self._allocate(mesh)
-        self._restore(kept)
-        return None
-
-    def _inherit(self, before: np.ndarray) -> None:
-        """Let every contact point rub as much, for its force, as the nearest of those `before` did."""
-        for point in self.points[: self.count]:
-            same = before[(before[:, OBSTACLE] == point[OBSTACLE]) & (before[:, FORCE] > 0.0)]
-            if len(same):
-                nearest = same[np.argmin(np.abs(same[:, PLACE] - point[PLACE]))]
-                point[FRICTION:TIE] = nearest[FRICTION:TIE] * point[FORCE] / nearest[FORCE]
-
-    def _known(self, q: np.ndarray, energy: float) -> bool:
-        """Whether the search has already come by this state of the soft obstacles."""
-        if self.seen is None:
-            return False
-        # mirror images have the same energy
-        state = np.append(self.mesh.interpolate(q, np.array([0.25, 0.5, 0.75])).ravel(), energy)
-        for other in self.seen:
-            cosines = np.abs(np.sum(state[:-1].reshape(3, 4) * other[:-1].reshape(3, 4), axis=1))
-            if cosines.min() >= 1.0 - 1e-5 and abs(state[-1] - other[-1]) < 1e-5 * (1.0 + abs(energy)):
-                return True
-        self.seen.append(state)
-        return False
-
-    def _fit(self, q: np.ndarray) -> np.ndarray:
+    def fit(self, q: np.ndarray) -> np.ndarray:
         """Change to a mesh that holds the contact points well; returns the shape q (n, 4) on it."""
         old = self.mesh
-        mesh = Mesh(old.element, np.diff([0.0, *self._boundaries(), 1.0]))
+        mesh = fitted(old.element, list(self.s0[1:]), self.points[: self.count], self.spacing)
         fresh = old.interpolate(q, mesh.nodes)
         fresh[0], fresh[-1] = q[0], q[-1]
         self._allocate(mesh)
@@ -304,60 +224,34 @@ class TouchingRod(Rod):
                 self.obstacles = obstacles
                 return code, iterations, q_new, F_new
             self.set_conditions(*before)
-        result = self._touch(q, F, qe, re, f, tolerance, limit, obstacles)
+        result = self.touch(q, F, qe, re, f, tolerance, limit, obstacles)
         if result[0] == compiled.ADVANCED:
             return result
-        return self._give_way(q, F, qe, re, f, limit, obstacles, result)
-
-    def _give_way(
-        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, limit: float,
-        obstacles: np.ndarray, failed: tuple[int, int, np.ndarray, np.ndarray],
-    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """A step with so many changes of contact that Newton fails: descend with soft obstacles instead.
-
-        Taken only where it ends near the shape before, as a branch that goes on does; else returns `failed`.
-        """
-        assert self.obstacles is not None
-        way = float(np.abs(re - self.re).max() + np.abs(obstacles[:, 1:13] - self.obstacles[:, 1:13]).max())
-        end = qe if q[-1] @ qe > 0.0 else -qe
-        way += 2.0 * float(np.abs(q[-1] - end).max())
-        if self.model != FRICTIONLESS and way > SMALL:
-            return failed  # a descent knows nothing of friction: smaller steps may do without it
-        before, kept = (self.qe, self.re, self.f, self.obstacles), self._state()
-        mesh, shape = self.mesh, self.mesh.interpolate(q, GRID)
-        self.set_conditions(qe, re, f, obstacles)
-        start = q.copy()
-        start[-1] = end
-        found = self._descend(start, F, DESCENT, 1)
-        if found is not None:
-            after = self.mesh.interpolate(found[0], GRID)
-            moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))
-            if moved < min(limit, 0.02 + 20.0 * way):
-                self.drift = 0.0
-                return compiled.ADVANCED, failed[1] + found[2], found[0], found[1]
-        if self.mesh is not mesh:
-            self._allocate(mesh)
-        self._restore(kept)
-        self.set_conditions(*before)
-        return failed
+        return give_way(self, q, F, qe, re, f, limit, obstacles, result)
 
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
         return bool(dips(q, self.h, self.s0, self.mesh.element.nodes, self.c, self.samples, self.spacing,
                          obstacles, self.phi, self.depth))  # fmt: skip
 
-    def _state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
+    def state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
+        """What `restore` takes: contact points, their number, lengths and starts of the elements."""
         return self.points[: self.count].copy(), self.count, self.h.copy(), self.s0.copy()
 
-    def _restore(self, state: tuple[np.ndarray, int, np.ndarray, np.ndarray]) -> None:
+    def restore(
+        self, state: tuple[np.ndarray, int, np.ndarray, np.ndarray], mesh: Mesh | None = None
+    ) -> None:
+        """Put back a `state`; and where it may have changed the `mesh`, too."""
+        if mesh is not None and self.mesh is not mesh:
+            self._allocate(mesh)
         points, self.count, self.h[:], self.s0[:] = state
         self.points[: self.count] = points
 
-    def _touch(
+    def touch(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One solve with contact points, from the equilibrium (q, F) with its own."""
-        kept, sense = self._state(), self.sense
+        kept, sense = self.state(), self.sense
         if remesh and self.model == SLIDING:
             q, F = self._reverse(q, F, re, tolerance, limit)
         q_new, F_new = np.empty_like(q), np.empty(3)
@@ -377,7 +271,7 @@ class TouchingRod(Rod):
             code = compiled.ADVANCED if self.border_factor(0.0, 3 + self.count) else compiled.NOT_CONVEX
         self.ready = code == compiled.ADVANCED and self.model == FRICTIONLESS
         if code != compiled.ADVANCED:
-            self._restore(kept)
+            self.restore(kept)
             self.sense = sense
             return code, iterations, q_new, F_new
         known = self.count == kept[1]
@@ -404,7 +298,7 @@ class TouchingRod(Rod):
         if self.count and before @ after <= 0.0 and self.obstacles is not None:
             for part in np.linspace(0.75, -0.75, 7):
                 self.sense = part * before if part > 0.0 else -part * after
-                code, _, q_new, F_new = self._touch(
+                code, _, q_new, F_new = self.touch(
                     q, F, self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh=False
                 )
                 if code == compiled.ADVANCED:
@@ -416,46 +310,20 @@ class TouchingRod(Rod):
         self, q: np.ndarray, F: np.ndarray, iterations: int, tolerance: float
     ) -> tuple[int, int, np.ndarray, np.ndarray]:
         """The equilibrium (q, F) once more, on a mesh that holds its contact points better."""
-        old, kept = self.mesh, self._state()
-        fresh = self._fit(q)
+        old, kept = self.mesh, self.state()
+        fresh = self.fit(q)
         assert self.obstacles is not None
-        code, more, q_new, F_new = self._touch(
+        code, more, q_new, F_new = self.touch(
             fresh, F, self.qe, self.re, self.f, tolerance, 0.6, self.obstacles, remesh=False
         )
         self.drift = 0.0
         if code == compiled.ADVANCED:
             return code, iterations + more, q_new, F_new
-        self._allocate(old)
-        self._restore(kept)
+        self.restore(kept, old)
         return compiled.ADVANCED if self.refactor(q, F) else compiled.NOT_CONVEX, iterations, q, F
 
     def suited(self, mesh: Mesh) -> Mesh:
-        """The mesh with boundaries where the sliding points are, none of its elements much longer for it."""
-        edges = np.cumsum(mesh.lengths)[:-1]
-        for s in np.sort(self.points[: self.count][self.points[: self.count, FLAT] == 0.0, PLACE]):
-            bounds = np.concatenate([[0.0], edges, [1.0]])
-            k = int(np.argmin(np.abs(bounds - s)))
-            e = min(int(np.searchsorted(bounds, s)) - 1, len(bounds) - 2)
-            if 0 < k < len(bounds) - 1 and abs(bounds[k] - s) < 0.2 * (bounds[e + 1] - bounds[e]):
-                edges[k - 1] = s
-            elif CLOSEST < s < 1.0 - CLOSEST:
-                edges = np.sort(np.append(edges, s))
-        return Mesh(mesh.element, np.diff(np.concatenate([[0.0], edges, [1.0]])))
-
-    def _boundaries(self) -> list[float]:
-        """Inner boundaries between elements: one at every sliding point, enough of them along stretches."""
-        edges = list(self.s0[1:])
-        touching = self.points[: self.count]
-        for s in touching[touching[:, FLAT] == 0.0, PLACE]:
-            near = [edge for edge in edges if abs(edge - s) < CLOSEST]
-            edges = sorted([edge for edge in edges if edge not in near] + [float(s)])
-        flat = touching[touching[:, FLAT] == 1.0, PLACE]
-        out: list[float] = []
-        for low, high in zip([0.0, *edges], [*edges, 1.0], strict=True):
-            lies = bool(((flat >= low) & (flat <= high)).any())
-            parts = int(np.ceil((high - low) / (LYING * self.spacing))) if lies else 1
-            out += [low + (high - low) * k / parts for k in range(1, parts + 1)]
-        return out[:-1]
+        return suited(mesh, self.points[: self.count])
 
     # the borders' algebra
 

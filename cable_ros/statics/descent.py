@@ -1,0 +1,130 @@
+"""Stable equilibria of a cable that touches, from a descent with soft obstacles that are then made hard."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cable_ros.solve.trust_region import Options, minimize
+from cable_ros.statics import compiled
+from cable_ros.statics.friction_kernels import FRICTIONLESS
+from cable_ros.statics.softened import Softened
+from cable_ros.statics.touch_points import FORCE, FOUNDATION, FRICTION, OBSTACLE, PLACE, TIE, coarse
+from cable_ros.statics.touch_search import MOST_SAMPLES, grid, within
+
+if TYPE_CHECKING:
+    from cable_ros.statics.touching import TouchingRod
+
+SPRINGS = (3e4, 3e6, 3e8, FOUNDATION)
+"""Stiffness of the soft obstacles, EI / L^4, in turn: the first shows the way, the last who touches."""
+MOST_GRIDS = 6
+"""So often at most the samples are placed anew about the ends of stretches."""
+DESCENT = Options(
+    radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
+)
+"""For a descent that must not leave its valley."""
+GRID = np.linspace(0.0, 1.0, 33)
+"""Where shapes are compared."""
+SMALL = 2e-3
+"""Motion of a step, in lengths of the cable and rad, below which even friction is given up for an answer."""
+
+
+def descend(
+    rod: TouchingRod, q: np.ndarray, F: np.ndarray, options: Options, first: int = 0
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """The stable equilibrium with contact where a descent from (q, F) ends: q, F, iterations; or None.
+
+    The obstacles are springs at first, SPRINGS[first] and on, which any shape can start from. Contacts and
+    mesh are put back where it fails.
+    """
+    assert rod.obstacles is not None
+    kept, mesh, total = rod.state(), rod.mesh, 0
+    samples = rod.samples
+    for stage in range(first, len(SPRINGS) + MOST_GRIDS):
+        stiffness = SPRINGS[min(stage, len(SPRINGS) - 1)]
+        rod.count = 0
+        soft = Softened(rod, stiffness, samples)
+        result = minimize(soft, q, F, options)
+        total += result.iterations
+        if not result.converged:
+            break
+        q, F = result.x, result.y
+        rod.ready = False
+        if stage == 0 and _known(rod, q, result.objective):
+            break
+        short = soft.harden(q)
+        _inherit(rod, kept[0])
+        if not rod.count:
+            return (q, F, total) if rod.refactor(q, F) else None
+        if not short:
+            if coarse(rod.points, rod.count, rod.h, rod.s0, rod.spacing):
+                q = rod.fit(q)
+                continue
+            if stage < len(SPRINGS) - 1:
+                continue
+            if not within(rod.points, rod.count, samples, rod.spacing):
+                samples = np.empty(MOST_SAMPLES)
+                samples = samples[: grid(rod.points, rod.count, rod.cells, samples)]
+                continue
+        code, iterations, q_new, F_new = rod.touch(
+            q, F, rod.qe, rod.re, rod.f, options.step_tolerance, 1.0, rod.obstacles
+        )
+        if code == compiled.ADVANCED:
+            return q_new, F_new, total + iterations
+    rod.restore(kept, mesh)
+    return None
+
+
+def give_way(
+    rod: TouchingRod, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+    limit: float, obstacles: np.ndarray, failed: tuple[int, int, np.ndarray, np.ndarray],
+) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+    """A step with so many changes of contact that Newton fails: descend with soft obstacles instead.
+
+    Taken only where it ends near the shape before, as a branch that goes on does; else returns `failed`.
+    """
+    assert rod.obstacles is not None
+    way = float(np.abs(re - rod.re).max() + np.abs(obstacles[:, 1:13] - rod.obstacles[:, 1:13]).max())
+    end = qe if q[-1] @ qe > 0.0 else -qe
+    way += 2.0 * float(np.abs(q[-1] - end).max())
+    if rod.model != FRICTIONLESS and way > SMALL:
+        return failed  # a descent knows nothing of friction: smaller steps may do without it
+    before, kept = (rod.qe, rod.re, rod.f, rod.obstacles), rod.state()
+    mesh, shape = rod.mesh, rod.mesh.interpolate(q, GRID)
+    rod.set_conditions(qe, re, f, obstacles)
+    start = q.copy()
+    start[-1] = end
+    found = descend(rod, start, F, DESCENT, 1)
+    if found is not None:
+        after = rod.mesh.interpolate(found[0], GRID)
+        moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))
+        if moved < min(limit, 0.02 + 20.0 * way):
+            rod.drift = 0.0
+            return compiled.ADVANCED, failed[1] + found[2], found[0], found[1]
+    rod.restore(kept, mesh)
+    rod.set_conditions(*before)
+    return failed
+
+
+def _inherit(rod: TouchingRod, before: np.ndarray) -> None:
+    """Let every contact point rub as much, for its force, as the nearest of those `before` did."""
+    for point in rod.points[: rod.count]:
+        same = before[(before[:, OBSTACLE] == point[OBSTACLE]) & (before[:, FORCE] > 0.0)]
+        if len(same):
+            nearest = same[np.argmin(np.abs(same[:, PLACE] - point[PLACE]))]
+            point[FRICTION:TIE] = nearest[FRICTION:TIE] * point[FORCE] / nearest[FORCE]
+
+
+def _known(rod: TouchingRod, q: np.ndarray, energy: float) -> bool:
+    """Whether the search has already come by this state of the soft obstacles."""
+    if rod.seen is None:
+        return False
+    # mirror images have the same energy
+    state = np.append(rod.mesh.interpolate(q, np.array([0.25, 0.5, 0.75])).ravel(), energy)
+    for other in rod.seen:
+        cosines = np.abs(np.sum(state[:-1].reshape(3, 4) * other[:-1].reshape(3, 4), axis=1))
+        if cosines.min() >= 1.0 - 1e-5 and abs(state[-1] - other[-1]) < 1e-5 * (1.0 + abs(energy)):
+            return True
+    rod.seen.append(state)
+    return False
