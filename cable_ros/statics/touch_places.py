@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.mechanics.effects.contact_kernels import curve, direction, gap, position, shape
-from cable_ros.statics.touch_points import FLAT, OBSTACLE, PLACE, TIE
+from cable_ros.statics.touch_points import FLAT, OBSTACLE, PLACE, TIE, ends
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -147,11 +147,6 @@ def hold_ends(q, h, s0, nodes, spacing, points, count):
         s = points[i, PLACE]
         if points[i, FLAT] != 1.0 or s < 1.5 * spacing or s > 1.0 - 1.5 * spacing:
             continue
-        first, last = True, True
-        for k in range(count):
-            if k != i and points[k, FLAT] == 1.0 and points[k, OBSTACLE] == points[i, OBSTACLE]:
-                d = points[k, PLACE] - s
-                first = first and not -1.5 * spacing < d < 0.0
-                last = last and not 0.0 < d < 1.5 * spacing
+        first, last = ends(points, count, i, spacing)
         if (first or last) and tie(points, count, i, h, s0):
             slide(q, h, s0, nodes, int(points[i, TIE]), s)

@@ -65,6 +65,18 @@ def owned(points, count, o, s, reach):
 
 
 @njit(**OPTIONS)
+def ends(points, count, i, spacing):
+    """Whether flat point i is the first of its stretch, and whether the last."""
+    first, last = True, True
+    for k in range(count):
+        if k != i and points[k, FLAT] == 1.0 and points[k, OBSTACLE] == points[i, OBSTACLE]:
+            d = points[k, PLACE] - points[i, PLACE]
+            first = first and not -1.5 * spacing < d < 0.0
+            last = last and not 0.0 < d < 1.5 * spacing
+    return first, last
+
+
+@njit(**OPTIONS)
 def share(points, count, reach):
     """Let the newest flat point rub, for its force, as its nearest neighbour within `reach` does."""
     new = count - 1

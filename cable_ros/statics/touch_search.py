@@ -22,6 +22,7 @@ from cable_ros.statics.touch_points import (
     OBSTACLE,
     PLACE,
     add,
+    ends,
     lay,
     owned,
     remove,
@@ -63,12 +64,7 @@ def grid(points, count, cells, samples):
     for i in range(count):
         if points[i, FLAT] != 1.0:
             continue
-        first, last = True, True
-        for k in range(count):
-            if k != i and points[k, FLAT] == 1.0 and points[k, OBSTACLE] == points[i, OBSTACLE]:
-                d = points[k, PLACE] - points[i, PLACE]
-                first = first and not -1.5 * spacing < d < 0.0
-                last = last and not 0.0 < d < 1.5 * spacing
+        first, last = ends(points, count, i, spacing)
         at = int(points[i, PLACE] * cells + 1e-9)
         if first and at > 1:
             for k in range(max(0, at - 2), min(cells, at + 2)):
@@ -95,12 +91,7 @@ def within(points, count, samples, spacing):
         s = points[i, PLACE]
         if s < 1.5 * spacing or s > 1.0 - 1.5 * spacing:
             continue
-        first, last = True, True
-        for k in range(count):
-            if k != i and points[k, FLAT] == 1.0 and points[k, OBSTACLE] == points[i, OBSTACLE]:
-                d = points[k, PLACE] - s
-                first = first and not -1.5 * spacing < d < 0.0
-                last = last and not 0.0 < d < 1.5 * spacing
+        first, last = ends(points, count, i, spacing)
         if not first and not last:
             continue
         k = find_sample(samples, s)
