@@ -18,6 +18,9 @@ from cable_ros.statics.touch_system import system
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+MOST_REVISIONS, MOST_ITERATIONS = 44, 25
+"""Revisions of the set in a solve, and iterations between two of them."""
+
 
 @njit(**OPTIONS)
 def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S):
@@ -76,13 +79,13 @@ def touch(
         hold_ends(q_new, h, s0, nodes, spacing, points, count)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
     total, size = 0, 0.0
-    lift, moved, convex = True, False, True
-    for revision in range(44):
+    lift, moved, convex = True, False, True  # `lift`: the tangent step, which takes the end to its new place
+    for revision in range(MOST_REVISIONS):
         converged = False
-        for iteration in range(25):
+        for iteration in range(MOST_ITERATIONS):
             changes = 0
+            curve(q_new, h, N, primitives, c)
             if not lift:
-                curve(q_new, h, N, primitives, c)
                 flattened, count = flatten(q_new, h, s0, nodes, c, samples, spacing, obstacles, points, count)
                 moved = not place_points(
                     q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count
@@ -93,8 +96,6 @@ def touch(
                     changes, count = press(
                         c, h, s0, samples, spacing, obstacles, points, count, phi, FOUNDATION, False
                     )
-            else:
-                curve(q_new, h, N, primitives, c)
             full = not (lift and ready)
             known, same = system(
                 q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
@@ -103,13 +104,11 @@ def touch(
             )  # fmt: skip
             if full:
                 rows = known
-            if not full:
-                pass
-            elif same:
+            if full and same:
                 convex = border_factor(
                     elastic, geometric, 0.0, order, A, U, pivots, V, delta, rows, 3 + count, Y, S
                 )
-            else:
+            elif full:
                 skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S)
             b[:] = 0.0
             for a in range(3):
