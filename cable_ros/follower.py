@@ -31,6 +31,8 @@ LONGEST = 0.5
 """Longest step in joint values, rad or m, that may be taken at once: whole turns must not be overlooked."""
 AMONG_OBSTACLES = 0.1
 """The same where there are obstacles: what is touched on the way decides where the cable ends up."""
+PATIENCE = 6
+"""So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
 CLAMP_DEPTH = 1e-6
 """A clamp may be this deep inside an obstacle, parts of the length: rounding of poses."""
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
@@ -140,11 +142,15 @@ class Follower:
             hint = self._hint if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, hint)
         if np.abs(joints - self._joints).max(initial=0.0) > self._longest:
+            if isinstance(rod, TouchingRod):
+                rod.patience = PATIENCE
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
         obstacles = self._placed(kinematics, joints, poses)
         if obstacles is not None and (blocked := self._blocked(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
+        if isinstance(rod, TouchingRod):
+            rod.patience = PATIENCE
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
         )

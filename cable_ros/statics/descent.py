@@ -55,7 +55,7 @@ def descend(
             break
         short = soft.harden(q)
         _inherit(rod, kept[0])
-        if not rod.count:
+        if not rod.count and rod.clear(q):
             return (q, F, total) if rod.refactor(q, F) else None
         if not short:
             if coarse(rod.points, rod.count, rod.h, rod.s0, rod.spacing):
@@ -90,6 +90,9 @@ def give_way(
     way += 2.0 * float(np.abs(q[-1] - end).max())
     if rod.model != FRICTIONLESS and way > SMALL:
         return failed  # a descent knows nothing of friction: smaller steps may do without it
+    if rod.patience <= 0:
+        return failed
+    rod.patience -= 1
     before, kept = (rod.qe, rod.re, rod.f, rod.obstacles), rod.state()
     mesh, shape = rod.mesh, rod.mesh.interpolate(q, GRID)
     rod.set_conditions(qe, re, f, obstacles)

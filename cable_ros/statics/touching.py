@@ -30,7 +30,7 @@ from cable_ros.statics.touch_points import (
     PLACE,
     TIE,
 )
-from cable_ros.statics.touch_search import dips, passage
+from cable_ros.statics.touch_search import dips, passage, scan
 from cable_ros.statics.touch_step import touch
 from cable_ros.statics.touch_system import nodal, point_forces, system
 from cable_ros.statics.units import relative_change
@@ -58,6 +58,7 @@ class TouchingRod(Rod):
         self.depth = float(np.clip(1e-5 * tolerance, 1e-12, 1e-8))
         self.cells, self.spacing, self.samples = 1, 1.0, np.zeros(0)
         self.model = FRICTIONLESS
+        self.patience = 0  # so many descents more may be made of steps that fail; see `descent.give_way`
         self.seen: list[np.ndarray] | None = None  # what a search with several starts has found before
         self.sense = np.zeros(3)
         self.points = np.zeros((CAPACITY, COLUMNS))
@@ -73,6 +74,10 @@ class TouchingRod(Rod):
         self.V, self.W, self.borders = np.zeros((ROWS, n)), np.zeros((ROWS, n)), np.zeros((ROWS, n))
         self.lines, self.upto = np.zeros((ROWS, 3)), np.zeros(ROWS, np.int64)
         self.delta, self.complement = np.zeros(ROWS), np.zeros((ROWS, ROWS))
+        self.Y_slip, self.S_slip = (
+            np.zeros((ROWS, n)),
+            np.zeros((ROWS, ROWS)),
+        )  # with friction: `skew_factor`'s
         self.c = np.zeros((len(self.h), len(self.primitives) + 1, 3))
         self.ready = False  # whether the factors are those of the last equilibrium with its contact points
 
@@ -229,6 +234,13 @@ class TouchingRod(Rod):
             return result
         return give_way(self, q, F, qe, re, f, limit, obstacles, result)
 
+    def clear(self, q: np.ndarray) -> bool:
+        """Whether the shape q (n, 4) is nowhere inside an obstacle, between the samples neither."""
+        assert self.obstacles is not None
+        curve(q, self.h, self.tables[0], self.primitives, self.c)
+        scan(self.c, self.h, self.s0, self.samples, self.obstacles, self.phi)
+        return not self._dips(q, self.obstacles)
+
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
         return bool(dips(q, self.h, self.s0, self.mesh.element.nodes, self.c, self.samples, self.spacing,
                          obstacles, self.phi, self.depth))  # fmt: skip
@@ -251,7 +263,8 @@ class TouchingRod(Rod):
         tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One solve with contact points, from the equilibrium (q, F) with its own."""
-        kept, sense = self.state(), self.sense
+        kept, sense, mesh = self.state(), self.sense, self.mesh
+        Y, S = (self.borders, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
         if remesh and self.model == SLIDING:
             q, F = self._reverse(q, F, re, tolerance, limit)
         q_new, F_new = np.empty_like(q), np.empty(3)
@@ -261,17 +274,18 @@ class TouchingRod(Rod):
                 self.primitives, self.cells, obstacles, self.obstacles, self.sense, self.model,
                 self.points, self.count, self.rows, self.ready, self.gaps, self.normals,
                 self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W,
-                self.delta, self.lines, self.upto, self.borders, self.complement, self.acc, self.g,
+                self.delta, self.lines, self.upto, Y, S, self.acc, self.g,
                 self.radial, self.totals, tolerance, self.depth, limit, q_new, F_new,
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved = compiled.NOT_CONTRACTING, 0, False
-        if code == compiled.ADVANCED and self.model != FRICTIONLESS:
-            # with friction as it stands: the iteration's own factors say nothing about stability
+        self.ready = code == compiled.ADVANCED
+        if self.ready and self.model != FRICTIONLESS:
+            # with friction as it stands; the iteration's own factors say nothing about stability, but they
+            # are what predicts the next step
             code = compiled.ADVANCED if self.border_factor(0.0, 3 + self.count) else compiled.NOT_CONVEX
-        self.ready = code == compiled.ADVANCED and self.model == FRICTIONLESS
         if code != compiled.ADVANCED:
-            self.restore(kept)
+            self.restore(kept, mesh)
             self.sense = sense
             return code, iterations, q_new, F_new
         known = self.count == kept[1]
