@@ -53,7 +53,9 @@ def descend(
         rod.ready = False
         if stage == 0 and _known(rod, q, result.objective):
             break
-        short = soft.harden(q)
+        # last of all in a cold start, points that could not be made hard stay on springs, as a stretch does
+        sliding = first > 0 or stage < len(SPRINGS)
+        short = sliding and soft.harden(q)
         _inherit(rod, kept[0])
         if not rod.count and rod.clear(q):
             return (q, F, total) if rod.refactor(q, F) else None
@@ -68,10 +70,16 @@ def descend(
                 samples = samples[: grid(rod.points, rod.count, rod.cells, samples)]
                 continue
         code, iterations, q_new, F_new = rod.touch(
-            q, F, rod.qe, rod.re, rod.f, options.step_tolerance, 1.0, rod.obstacles
+            q, F, rod.qe, rod.re, rod.f, options.step_tolerance, 1.0, rod.obstacles, contract=sliding
         )
         if code == compiled.ADVANCED:
             return q_new, F_new, total + iterations
+        if short and first == 0:
+            # an edge between two samples: look at it more closely
+            rod.count = 0
+            soft.linearize(q, F)
+            samples = np.empty(MOST_SAMPLES)
+            samples = samples[: grid(rod.points, rod.count, rod.cells, samples)]
     rod.restore(kept, mesh)
     return None
 

@@ -48,14 +48,15 @@ def touch(
     q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, cells,
     obstacles, old_obstacles, sense, model, points, count, rows, ready, gaps, normals,
     elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
-    tolerance, depth, limit, q_new, F_new,
+    tolerance, depth, limit, contract, q_new, F_new,
 ):  # fmt: skip
     """From the equilibrium (q, F) with contact to the one under new conditions; see `compiled.advance`.
 
     A tangent step from the old state, Newton's method on the active set, and revisions of the set until no
     point pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place. Where the
     factors of the last equilibrium with its `rows` borders are still there, `ready`, the first step takes
-    them. Returns (code, iterations, count, rows, whether another mesh would hold the points better).
+    them. `contract`: whether short stretches may become points. Returns (code, iterations,
+    count, rows, whether another mesh would hold the points better).
     """
     N, gauss = tables[0], tables[4]
     order = N.shape[1] - 1
@@ -150,7 +151,7 @@ def touch(
             return NOT_CONTRACTING, total, count, rows, moved
         changed, count = revise(
             q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi,
-            revision == 0,
+            contract and revision == 0,
         )  # fmt: skip
         if not within(points, count, samples, spacing):
             samples = buffer[: grid(points, count, cells, buffer)]

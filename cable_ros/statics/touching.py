@@ -36,6 +36,8 @@ from cable_ros.statics.touch_system import nodal, point_forces, system
 from cable_ros.statics.units import relative_change
 
 ROWS = 3 + 6 * CAPACITY
+DEEPEST = 1e-5
+"""What is deeper inside an obstacle, parts of the length, is no equilibrium."""
 
 
 class TouchingRod(Rod):
@@ -234,6 +236,15 @@ class TouchingRod(Rod):
             return result
         return give_way(self, q, F, qe, re, f, limit, obstacles, result)
 
+    def sunk(self, obstacles: np.ndarray) -> bool:
+        """Whether a stretch, or what is beside it, is deeper inside than springs may let it."""
+        if not (self.points[: self.count, FLAT] == 1.0).any():
+            return False
+        if self.gaps[: self.count].min() < -DEEPEST:
+            return True
+        scan(self.c, self.h, self.s0, self.samples, obstacles, self.phi)
+        return float(self.phi[:, 1:-1].min()) < -DEEPEST
+
     def clear(self, q: np.ndarray) -> bool:
         """Whether the shape q (n, 4) is nowhere inside an obstacle, between the samples neither."""
         assert self.obstacles is not None
@@ -260,9 +271,9 @@ class TouchingRod(Rod):
 
     def touch(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
-        tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True,
+        tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True, contract: bool = True,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """One solve with contact points, from the equilibrium (q, F) with its own."""
+        """One solve with contact points, from the equilibrium (q, F) with its own; see `touch_step.touch`."""
         kept, sense, mesh = self.state(), self.sense, self.mesh
         Y, S = (self.borders, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
         if remesh and self.model == SLIDING:
@@ -275,7 +286,7 @@ class TouchingRod(Rod):
                 self.points, self.count, self.rows, self.ready, self.gaps, self.normals,
                 self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W,
                 self.delta, self.lines, self.upto, Y, S, self.acc, self.g,
-                self.radial, self.totals, tolerance, self.depth, limit, q_new, F_new,
+                self.radial, self.totals, tolerance, self.depth, limit, contract, q_new, F_new,
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved = compiled.NOT_CONTRACTING, 0, False
@@ -290,6 +301,10 @@ class TouchingRod(Rod):
             return code, iterations, q_new, F_new
         known = self.count == kept[1]
         curve(q_new, self.h, self.tables[0], self.primitives, self.c)
+        if self.sunk(obstacles):
+            self.restore(kept, mesh)
+            self.sense, self.ready = sense, False
+            return compiled.NOT_CONTRACTING, iterations, q_new, F_new
         self.set_conditions(qe, re, f, obstacles)
         turned = self.drift + 2.0 * float(np.abs(q_new - q).max())
         self.drift = turned if known and turned < REFRESH else 0.0
