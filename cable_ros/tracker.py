@@ -145,7 +145,7 @@ class Tracker:
         """
         begin = time.perf_counter()
         try:
-            values = np.array([joints[name] for name in self.joint_names], dtype=float)
+            values = np.array([float(joints[name]) for name in self.joint_names])
         except (KeyError, TypeError, ValueError):
             return self._invalid(self._fault(joints), begin)
         if not (np.abs(values) <= ABSURD).all():

@@ -178,6 +178,7 @@ def test_tracked_answers_keep_other_tolerances(tolerance: float) -> None:
         ({"orientation": 1e5}, "within"),
         ({"orientation": None}, "number"),
         ({"orientation": "far"}, "number"),
+        ({"orientation": [1.0, 2.0]}, "number"),
     ],
 )
 def test_unusable_input_is_told_and_forgotten(joints: dict[str, Any], says: str) -> None:
