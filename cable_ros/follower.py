@@ -141,16 +141,14 @@ class Follower:
         if rod is None or self._resolved != self.tolerance:
             hint = self._hint if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, hint)
+        if isinstance(rod, TouchingRod):
+            rod.patience = PATIENCE
         if np.abs(joints - self._joints).max(initial=0.0) > self._longest:
-            if isinstance(rod, TouchingRod):
-                rod.patience = PATIENCE
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
         obstacles = self._placed(kinematics, joints, poses)
         if obstacles is not None and (blocked := self._blocked(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
-        if isinstance(rod, TouchingRod):
-            rod.patience = PATIENCE
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
         )
@@ -179,11 +177,10 @@ class Follower:
         rod = self._rod
         assert rod is not None
         rod.refactor(self._q, self._F)
-        origin, before = self._joints, rod.qe
-        frames = {0.0: before}
+        origin = self._joints
+        frames = {0.0: rod.qe}
 
         def path(t: float) -> Conditions:
-            nonlocal before
             nearest = max((s for s in frames if s <= t), default=0.0)
             there = origin + t * (joints - origin)
             conditions = self._conditions(kinematics, there, kinematics.poses(there)[index], frames[nearest])
