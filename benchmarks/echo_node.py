@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-
 import rclpy
 from geometry_msgs.msg import WrenchStamped
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
+
+from cable_ros.ros.lifetime import Lifetime
 
 
 class EchoNode(Node):
@@ -30,10 +29,9 @@ class EchoNode(Node):
 
 def main() -> None:
     """Run until a signal."""
-    rclpy.init()
-    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+    with Lifetime():
+        rclpy.init()
         rclpy.spin(EchoNode())
-    rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -13,8 +12,6 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logging_directory
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -32,6 +29,7 @@ from cable_ros.ros.cdr import serialise
 from cable_ros.ros.frames import tf_static, tf_static_outlet, world_frame
 from cable_ros.ros.health import Health
 from cable_ros.ros.inlet import Inlet, Message
+from cable_ros.ros.lifetime import Lifetime
 from cable_ros.ros.live_scene import LiveScene
 from cable_ros.ros.messages import diagnostics
 from cable_ros.ros.outbox import Outbox
@@ -101,8 +99,6 @@ class CableNode(Node):
         self._jump = self.get_clock().create_jump_callback(backwards, post_callback=self._on_time_jump)
         self.add_on_set_parameters_callback(parameters.validate)
         self.add_post_set_parameters_callback(self._on_parameters)
-        if self._value("log.enabled"):
-            self._start_log()
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
@@ -342,6 +338,11 @@ class CableNode(Node):
             answer.success, answer.message = False, f"{error}; the old scene stays."
         return answer
 
+    def open(self) -> None:
+        """Begin the log, where one is asked for."""
+        if self._value("log.enabled"):
+            self._start_log()
+
     def close(self) -> None:
         """Complete the log and leave."""
         self._out.stop_log()
@@ -354,34 +355,16 @@ def main(args: Sequence[str] | None = None) -> int:
     Returns:
         0 after a clean stop; 2 where it could not start, with the reason in one sentence on stderr.
     """
-    node: CableNode | None = None
-
-    def interrupt(*_: object) -> None:
-        # Only while the node starts. Later the context ends, which rclpy sees to, and the callback that is
-        # under way goes on: an exception in its midst could part what is published from what is logged.
-        if node is None:
-            raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, interrupt)
     try:
-        rclpy.init(args=list(args) if args is not None else None)
-        node = CableNode()
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+        with Lifetime() as lifetime:
+            rclpy.init(args=list(args) if args is not None else None)
+            node = CableNode()
+            lifetime.started(node.close)
+            node.open()
+            rclpy.spin(node)
     except (ParameterError, SceneError) as error:
         print(f"cable_node: {error}", file=sys.stderr)
         return 2
-    except rclpy_implementation.RCLError:
-        if rclpy.ok():  # else the context ended between rclpy's look at it and its use
-            raise
-    finally:
-        # A second Ctrl-C must not cut off the log's last chunk.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        if node is not None:
-            node.close()
-        rclpy.try_shutdown()
     return 0
 
 

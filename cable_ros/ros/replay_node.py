@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import importlib
 import math
-import signal
 import struct
 import sys
 import time
@@ -29,6 +28,7 @@ from tqdm import tqdm
 from cable_ros.log.errors import LogError
 from cable_ros.log.qos import qos_from_yaml
 from cable_ros.log.reader import LoggedMessage, LoggedTopic, LogReader
+from cable_ros.ros.lifetime import Lifetime
 
 _CLOCK = "/clock"
 _CLOCK_PERIOD = 0.01  # s of wall time between two clock messages
@@ -50,10 +50,6 @@ class Window:
     topics: frozenset[str] | None
     start: int
     end: int
-
-
-class Stopped(Exception):
-    """The process was asked to end."""
 
 
 class ReplayNode(Node):
@@ -119,7 +115,10 @@ class ReplayNode(Node):
             self.get_logger().warning(f"Nobody has subscribed within {seconds:g} s; playing all the same.")
 
     def play(self, progress: Any) -> None:
-        """Replay once; `progress` is a tqdm bar of seconds of log. Raises Stopped."""
+        """Replay once; `progress` is a tqdm bar of seconds of log.
+
+        Raises: ExternalShutdownException where the process was asked to end.
+        """
         begin = self._window.start
         for message in self._latched_before(begin):
             self._publish(message)
@@ -159,7 +158,7 @@ class ReplayNode(Node):
                 self._next_clock = now + _CLOCK_PERIOD
             if now >= due:
                 if not rclpy.ok():
-                    raise Stopped
+                    raise ExternalShutdownException
                 return
             self._pause(min(due - now, _CLOCK_PERIOD if self._clock_publisher else _LOOK_AROUND))
 
@@ -169,7 +168,7 @@ class ReplayNode(Node):
 
     def _pause(self, seconds: float) -> None:
         if not rclpy.ok():
-            raise Stopped
+            raise ExternalShutdownException
         time.sleep(seconds)
 
     def finish(self) -> None:
@@ -179,6 +178,11 @@ class ReplayNode(Node):
             left = max(deadline - time.monotonic(), 0.0)
             if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
                 publisher.wait_for_all_acked(Duration(seconds=left))
+
+    def close(self) -> None:
+        """Say how much there was, and leave."""
+        print(f"cable_replay: {self.published} messages published", file=sys.stderr)
+        self.destroy_node()
 
 
 def message_class(type_name: str) -> Any:
@@ -256,31 +260,18 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     argv = list(sys.argv if args is None else ["cable_replay", *args])
     options = parse(remove_ros_args(argv)[1:])
-    node: ReplayNode | None = None
-    with ExitStack() as stack:
-        try:
-            logs = sorted(
-                (stack.enter_context(LogReader(path)) for path in options.log), key=lambda log: log.start
-            )
+    try:
+        with Lifetime() as lifetime, ExitStack() as stack:
+            logs = [stack.enter_context(LogReader(path)) for path in options.log]
+            logs.sort(key=lambda log: log.start)
             window = window_of(logs, options)
             rclpy.init(args=argv)
             node = ReplayNode(logs, window, options.rate, options.clock)
+            lifetime.started(node.close)
             _run(node, window, options)
-        except (KeyboardInterrupt, ExternalShutdownException, Stopped):
-            pass
-        except LogError as error:
-            print(f"cable_replay: {error}", file=sys.stderr)
-            return 2
-        except Exception:  # publishing fails where the signal came since it was last asked for
-            if node is None or rclpy.ok():
-                raise
-        finally:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)
-            if node is not None:
-                print(f"cable_replay: {node.published} messages published", file=sys.stderr)
-                node.destroy_node()
-            rclpy.try_shutdown()
+    except LogError as error:
+        print(f"cable_replay: {error}", file=sys.stderr)
+        return 2
     return 0
 
 

@@ -1,0 +1,84 @@
+"""Signals at the moments when rclpy's own answer to them is under way."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not on this machine")
+
+START = """
+import os, signal, sys, time
+import rclpy
+from cable_ros.ros.lifetime import Lifetime
+"""
+TIMEOUT = 60.0  # s; only ever waited for in vain when something is broken
+
+
+def run(program: str, *options: str) -> str:
+    """What this program prints, which must end well."""
+    process = subprocess.run(
+        [sys.executable, "-c", START + program, *options], capture_output=True, text=True, timeout=TIMEOUT
+    )
+    assert process.returncode == 0, process.stderr
+    assert "Traceback" not in process.stderr
+    return process.stdout
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_start_and_what_was_started_is_closed_once(stop):
+    program = """
+with Lifetime() as lifetime:
+    rclpy.init()
+    print("begun")
+    if sys.argv[2] == "started":
+        lifetime.started(lambda: print("closed"))
+    os.kill(os.getpid(), int(sys.argv[1]))
+    print("went on")
+    rclpy.spin(rclpy.create_node("node"))
+    print("never")
+print("after")
+"""
+    assert run(program, str(stop.value), "starting").split("\n")[:-1] == ["begun", "after"]
+    assert run(program, str(stop.value), "started").split("\n")[:-1] == [
+        "begun",
+        "went on",
+        "closed",
+        "after",
+    ]
+
+
+def test_signals_while_it_ends_are_no_failure():
+    program = """
+for delay in range(40):
+    with Lifetime() as lifetime:
+        rclpy.init()
+        node = rclpy.create_node("node")
+        def close():
+            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), signal.SIGTERM)
+            node.destroy_node()
+        lifetime.started(close)
+        os.kill(os.getpid(), signal.SIGTERM)
+        end = time.perf_counter() + 20e-6 * delay  # rclpy's thread is somewhere in ending the context
+        while time.perf_counter() < end:
+            pass
+print("after")
+"""
+    assert run(program) == "after\n"
+
+
+def test_other_errors_pass():
+    program = """
+try:
+    with Lifetime() as lifetime:
+        rclpy.init()
+        lifetime.started(lambda: print("closed"))
+        raise ValueError("wrong")
+except ValueError as error:
+    print(error)
+"""
+    assert run(program) == "closed\nwrong\n"
