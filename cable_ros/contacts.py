@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from cable_ros.equilibrium import Contact
 from cable_ros.mechanics.effects.contact_kernels import position
-from cable_ros.statics.touch_points import FORCE, FRICTION, HELD, OBSTACLE, PLACE
+from cable_ros.statics.touch_points import FORCE, FRICTION, HELD, LENGTH, OBSTACLE, PLACE
 from cable_ros.statics.units import Units
 
 
@@ -42,6 +42,7 @@ def contacts(
                 position=start[:3] + units.length * turn @ r,
                 normal=turn @ normal,
                 force=units.force * turn @ (point[FORCE] * normal + friction),
+                length=float(point[LENGTH]) * units.length,
                 sliding=bool(cone > 0.0 and np.linalg.norm(friction) > (1.0 - 1e-9) * cone),
             )
         )

@@ -14,7 +14,11 @@ from cable_ros.solve.status import Status
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A place where the cable touches an obstacle; along a stretch there are many, close together."""
+    """A place where the cable touches an obstacle.
+
+    Where it lies on the obstacle, a point force at each end of that stretch, and the pressure between them as
+    forces at the points of a Gauss rule.
+    """
 
     obstacle: str
     """Its name in the scene."""
@@ -26,6 +30,8 @@ class Contact:
     """(3,) out of the obstacle, unit vector, world."""
     force: np.ndarray
     """(3,) on the cable, friction included, world, N."""
+    length: float
+    """Of the part of the cable that the force is spread along, m; 0: a point force."""
     sliding: bool
     """Whether friction has given way; false without friction."""
 

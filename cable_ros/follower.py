@@ -93,7 +93,6 @@ class Follower:
         self._twist: float | None = None
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
-        self._give = 0.0
 
     def become(
         self, properties: Properties, kinematics: Callable[[np.ndarray], np.ndarray], index: int
@@ -306,12 +305,6 @@ class Follower:
                 )
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
-            self._give = rod.give(self._F)
-        if self._estimate + self._give > self.tolerance and status is Status.CONVERGED:
-            message = (
-                f"Converged to a stable equilibrium; where it lies along an obstacle the end wrench is had to"
-                f" {self._estimate + self._give:.1e} only."
-            )
         if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
             message = FREE
         if self.choice is not None:
@@ -327,7 +320,7 @@ class Follower:
             status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
             end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
             total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment,
-            error_estimate=self._estimate + self._give, iterations=iterations,
+            error_estimate=self._estimate, iterations=iterations,
             solve_time=time.perf_counter() - begin, _tangent=results.tangent(rod, self._q, self._F, unit),
             _touching=results.touching(rod, friction, self._names, poses[0], unit),
         )  # fmt: skip

@@ -26,9 +26,8 @@ def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarr
     `rod` is at an equilibrium with the end force F (3,), in units of the cable.
     """
     end, start = np.empty(6), np.empty(6)
-    held, at_end = rod.held()
     # `wrenches` adds what the start clamp bears beyond the end's
-    compiled.wrenches(F - at_end, rod.f + held + at_end, rod.qe, rod.g, unit.force, unit.moment, end, start)
+    compiled.wrenches(F, rod.f + rod.held(), rod.qe, rod.g, unit.force, unit.moment, end, start)
     return end, start
 
 
@@ -78,9 +77,7 @@ def touching(
     if not isinstance(rod, TouchingRod) or not rod.count or friction is None:
         return None
     coefficients = friction if rod.model != FRICTIONLESS else np.zeros(len(friction))
-    clamped, across = rod.at_clamps()
-    points = np.vstack([rod.points[: rod.count], clamped])
-    normals = np.vstack([rod.normals[: rod.count], across])
+    points, normals = rod.points[: rod.count].copy(), rod.normals[: rod.count].copy()
     curve = rod.c.copy(), rod.h.copy(), rod.s0.copy()
     return partial(contacts, points, normals, curve, coefficients, names, start.copy(), unit)
 

@@ -50,11 +50,6 @@ class Case:
     tolerance: float = 1e-4
     """What the tracker is asked for."""
     polyline_points: int = 101
-    slack: float = 1.0
-    """Times the tolerance that is allowed: of a stretch that lies on something the estimate sees a part."""
-    start_counts: bool = True
-    """Whether the start wrench is judged; not where the cable lies on the ground from its clamp on, which
-    shares the first bit of the weight with the ground."""
     check: Callable[[list[Step]], str | None] | None = None
     """What else must hold: returns a sentence where it does not."""
     baselines: bool = True
@@ -123,7 +118,6 @@ def judge(
     equilibrium: Equilibrium,
     tolerance: float,
     met: Mapping[str, Surface] | None = None,
-    start_counts: bool = True,
 ) -> tuple[Verification | None, str | None]:
     """Verification of an answer among the obstacles `met`, and what is wrong with it, if anything.
 
@@ -154,7 +148,7 @@ def judge(
         return found, "no equilibrium found beside the answer"
     if found.wrench_error > tolerance:
         return found, f"end wrench off by {found.wrench_error:.1e}, asked for {tolerance:.0e}"
-    if start_counts and found.start_wrench_error > START_FACTOR * tolerance:
+    if found.start_wrench_error > START_FACTOR * tolerance:
         return found, f"start wrench off by {found.start_wrench_error:.1e}, asked for {tolerance:.0e}"
     if not found.stable:
         return found, f"not a minimum, but published as one (margin {equilibrium.stability_margin:.1e})"
@@ -185,7 +179,7 @@ def solve_step(
         if usable:
             resolved = _resolved(name, rod, answers[name], tracker, joints)
             met = surfaces(scene, kinematics, joint_values(kinematics, joints), radii[name])
-            verification, fault = judge(rod, resolved, case.slack * tracker.tolerance, met, case.start_counts)
+            verification, fault = judge(rod, resolved, tracker.tolerance, met)
         else:
             trusted = answers[name].status.trusted
             verification, fault = None, "trusted without usable joints" if trusted else None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from cable_ros.bench.shooting import Touch
 from cable_ros.bench.surfaces import Distance, curvature, distance, gradient
 from cable_ros.bench.verification import Rod, Verification
-from cable_ros.equilibrium import Equilibrium
+from cable_ros.equilibrium import Contact, Equilibrium
 from cable_ros.scene import Scene
 from cable_ros.scene.kinematics import Kinematics
 
@@ -18,6 +19,10 @@ DEPTH = 1e-6
 """What a cable may be inside an obstacle, parts of its length."""
 STRETCH = 0.02
 """Forces nearer to each other than this, parts of the length, are summed."""
+CELL = 4e-3
+"""Pressure is made of forces so near to each other, parts of the length."""
+CLAMP = 0.015
+"""What presses nearer to a clamp than this does not hold the rod there."""
 ROUNDING = 1e-6
 """Of directions, and of forces relative to the largest."""
 
@@ -42,7 +47,7 @@ def surfaces(scene: Scene, kinematics: Kinematics, joints: np.ndarray, radius: f
 
 
 def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[Touch]:
-    """The claimed contacts as verification takes them; those at a clamp do not bear on the rod."""
+    """The claimed contacts as verification takes them; pressure as many forces side by side."""
     length = rod.length
     unit = float(np.mean(rod.stiffness[:2])) / length**2
 
@@ -57,16 +62,49 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
 
         return at
 
-    return [
-        Touch(
-            contact.arc_length / length,
-            surface(met[contact.obstacle].signed),
-            contact.normal_force / unit,
-            contact.friction / unit,
-        )
-        for contact in claim.contacts
-        if 1e-9 < contact.arc_length / length < 1.0 - 1e-9
-    ]
+    out = []
+    for name in dict.fromkeys(contact.obstacle for contact in claim.contacts):
+        mine = sorted((c for c in claim.contacts if c.obstacle == name), key=lambda c: c.arc_length)
+        at = surface(met[name].signed)
+        points = [(c.arc_length, c.normal_force, c.friction) for c in mine if c.length == 0.0]
+        for place, normal_force, friction in points:
+            out.append(Touch(place / length, at, normal_force / unit, friction / unit))
+        for place, normal_force, friction in spread(mine, length):
+            # the clamp itself holds what is next to it
+            holds = CLAMP < place / length < 1.0 - CLAMP
+            out.append(Touch(place / length, at, normal_force / unit, friction / unit, holds))
+    return out
+
+
+def spread(contacts: Sequence[Contact], length: float) -> list[tuple[float, float, np.ndarray]]:
+    """Place, m, normal force and friction (3,), N, of many forces that make up the pressure on one obstacle.
+
+    Between the contacts that have a length it is interpolated; the sum stays theirs. `length` is the cable's.
+    """
+    out = []
+    points = [c.arc_length for c in contacts if c.length == 0.0]
+    pressing = [c for c in contacts if c.length > 0.0]
+    runs: list[list[Contact]] = []
+    for c in pressing:
+        known = runs and c.arc_length - runs[-1][-1].arc_length < c.length + runs[-1][-1].length
+        parted = known and any(runs[-1][-1].arc_length < p < c.arc_length for p in points)
+        if known and not parted:
+            runs[-1].append(c)
+        else:
+            runs.append([c])
+    for run in runs:
+        lengths = np.array([c.length for c in run])
+        near = [p for p in [0.0, *points] if 0.0 <= run[0].arc_length - p < run[0].length]
+        low = max(near, default=run[0].arc_length - 0.4 * run[0].length)
+        cells = max(len(run), math.ceil(lengths.sum() / (CELL * length)))
+        at = low + lengths.sum() * (np.arange(cells) + 0.5) / cells
+        told = np.array([[c.normal_force, *c.friction] for c in run])
+        places = [c.arc_length for c in run]
+        forces = np.stack([np.interp(at, places, column) for column in (told / lengths[:, None]).T], axis=1)
+        forces *= lengths.sum() / cells
+        forces += (told.sum(axis=0) - forces.sum(axis=0)) / cells
+        out += [(float(s), float(force[0]), force[1:]) for s, force in zip(at, forces, strict=True)]
+    return out
 
 
 def contact_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> str | None:

@@ -121,7 +121,7 @@ def _spread(touches: Sequence[Touch]) -> list[Touch]:
     out: list[Touch] = []
     last = -1.0
     for touch in sorted(touches, key=lambda touch: touch.place):
-        holds = touch.place - last > 0.5 * ALONE
+        holds = touch.holds and touch.place - last > 0.5 * ALONE
         last = touch.place if holds else last
         out.append(replace(touch, holds=holds))
     return out

@@ -10,16 +10,14 @@ from cable_ros.solve.trust_region import Options, minimize
 from cable_ros.statics import compiled
 from cable_ros.statics.friction_kernels import FRICTIONLESS
 from cable_ros.statics.softened import Softened
-from cable_ros.statics.touch_points import FORCE, FOUNDATION, FRICTION, OBSTACLE, PLACE, TIE, coarse
-from cable_ros.statics.touch_search import MOST_SAMPLES, grid, within
+from cable_ros.statics.touch_points import FORCE, FRICTION, KIND, OBSTACLE, PLACE, POINT, TIE
+from cable_ros.statics.touch_search import MOST_SAMPLES, grid
 
 if TYPE_CHECKING:
     from cable_ros.statics.touching import TouchingRod
 
-SPRINGS = (3e4, 3e6, 3e8, FOUNDATION)
+SPRINGS = (3e4, 3e6, 3e8, 1e10)
 """Stiffness of the soft obstacles, EI / L^4, in turn: the first shows the way, the last who touches."""
-MOST_GRIDS = 6
-"""So often at most the samples are placed anew about the ends of stretches."""
 DESCENT = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
@@ -41,8 +39,8 @@ def descend(
     assert rod.obstacles is not None
     kept, mesh, total = rod.state(), rod.mesh, 0
     samples = rod.samples
-    for stage in range(first, len(SPRINGS) + MOST_GRIDS):
-        stiffness = SPRINGS[min(stage, len(SPRINGS) - 1)]
+    for stage in range(first, len(SPRINGS)):
+        stiffness = SPRINGS[stage]
         rod.count = 0
         soft = Softened(rod, stiffness, samples)
         result = minimize(soft, q, F, options)
@@ -53,30 +51,19 @@ def descend(
         rod.ready = False
         if stage == 0 and _known(rod, q, result.objective):
             break
-        # last of all in a cold start, points that could not be made hard stay on springs, as a stretch does
-        sliding = first > 0 or stage < len(SPRINGS)
-        short = sliding and soft.harden(q)
+        soft.harden(q)
         _inherit(rod, kept[0])
         if not rod.count and rod.clear(q):
             return (q, F, total) if rod.refactor(q, F) else None
-        if not short:
-            if coarse(rod.points, rod.count, rod.h, rod.s0, rod.spacing):
-                q = rod.fit(q)
-                continue
-            if stage < len(SPRINGS) - 1:
-                continue
-            if not within(rod.points, rod.count, samples, rod.spacing):
-                samples = np.empty(MOST_SAMPLES)
-                samples = samples[: grid(rod.points, rod.count, rod.cells, samples)]
-                continue
+        if (rod.points[: rod.count, KIND] != POINT).any():
+            q = rod.fit(q)
         code, iterations, q_new, F_new = rod.touch(
-            q, F, rod.qe, rod.re, rod.f, options.step_tolerance, 1.0, rod.obstacles, contract=sliding
+            q, F, rod.qe, rod.re, rod.f, options.step_tolerance, 1.0, rod.obstacles
         )
         if code == compiled.ADVANCED:
             return q_new, F_new, total + iterations
-        if short and first == 0:
+        if first == 0:
             # an edge between two samples: look at it more closely
-            rod.count = 0
             soft.linearize(q, F)
             samples = np.empty(MOST_SAMPLES)
             samples = samples[: grid(rod.points, rod.count, rod.cells, samples)]

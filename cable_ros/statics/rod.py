@@ -95,13 +95,9 @@ class Rod:
         """What makes a rod of its own that stands as this one does now; cheap until it is called."""
         return self.variant
 
-    def held(self) -> tuple[np.ndarray, np.ndarray]:
-        """(3,), (3,): force of the obstacles on the rod, but for that at the end clamp; and that."""
-        return NOTHING, NOTHING
-
-    def give(self, F: np.ndarray) -> float:
-        """Relative change of the end wrench, to first order, if obstacles gave way by nothing."""
-        return 0.0
+    def held(self) -> np.ndarray:
+        """(3,): force of the obstacles on the rod."""
+        return NOTHING
 
     # Problem
 

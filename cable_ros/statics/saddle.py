@@ -127,7 +127,7 @@ def border_factor(elastic, geometric, mu, order, A, U, pivots, V, delta, rows, e
 
     With H' = H + mu D + sum v v^T / delta over the rows of V beyond the equalities, the bordered matrix has
     as many negative eigenvalues as there are equalities and positive deltas exactly where H' is positive on
-    the equalities' tangent space.
+    the equalities' tangent space. A row with delta 0 is an equality, too.
     """
     n = elastic.shape[0]
     for i in range(n):
@@ -147,7 +147,7 @@ def border_factor(elastic, geometric, mu, order, A, U, pivots, V, delta, rows, e
             S[a, b] = s
             S[b, a] = s
         S[a, a] += delta[a]
-        if a >= equalities and delta[a] > 0.0:
+        if a >= equalities and delta[a] >= 0.0:
             expected += 1
     positive = 0
     for v in np.linalg.eigvalsh(S[:rows, :rows]):

@@ -8,8 +8,20 @@ import numpy as np
 
 from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.statics.friction_kernels import FRICTIONLESS
-from cable_ros.statics.touch_points import FLAT, FORCE, LENGTH, OBSTACLE, PLACE, TIE
+from cable_ros.statics.touch_points import (
+    COLUMNS,
+    FIRST,
+    FORCE,
+    KIND,
+    LAST,
+    LENGTH,
+    OBSTACLE,
+    PLACE,
+    SAMPLE,
+    TIE,
+)
 from cable_ros.statics.touch_search import press
+from cable_ros.statics.touch_stretches import grounded
 
 if TYPE_CHECKING:
     from cable_ros.statics.touching import TouchingRod
@@ -37,8 +49,8 @@ class Softened:
         """Set the rod's contact points to the samples inside at x; returns the springs' energy."""
         rod = self.rod
         curve(x, rod.h, rod.tables[0], rod.primitives, rod.c)
-        _, rod.count = press(rod.c, rod.h, rod.s0, self.samples, rod.spacing, rod.obstacles, rod.points,
-                             rod.count, self.phi, self.stiffness, True)  # fmt: skip
+        rod.count = press(rod.c, rod.h, rod.s0, self.samples, rod.obstacles, rod.points, self.phi,
+                          self.stiffness)  # fmt: skip
         springs = rod.points[: rod.count]
         return 0.5 * float((springs[:, FORCE] ** 2 / springs[:, LENGTH]).sum()) / self.stiffness
 
@@ -68,22 +80,45 @@ class Softened:
         V = rod.V[3 : rod.rows]
         return rod.apply_hessian(s) + (V @ s / rod.delta[3 : rod.rows]) @ V
 
-    def harden(self, x: np.ndarray) -> bool:
-        """Where all stretches at x are short, make each a sliding point with its force; whether so."""
+    def harden(self, x: np.ndarray) -> None:
+        """Make of what is inside at x contact points and stretches, which bear the same forces."""
         rod = self.rod
         self._press(x)
-        pressed = rod.points[: rod.count]
+        pressed = rod.points[: rod.count].copy()
         new: list[np.ndarray] = []
         for o in np.unique(pressed[:, OBSTACLE]):
             rows = pressed[pressed[:, OBSTACLE] == o]
             rows = rows[np.argsort(rows[:, PLACE])]
-            for stretch in np.split(rows, np.flatnonzero(np.diff(rows[:, PLACE]) > 1.5 * rod.spacing) + 1):
-                if len(stretch) > LONGEST_POINT:
-                    return False
-                deepest = stretch[np.argmax(stretch[:, FORCE])].copy()
-                deepest[FLAT], deepest[TIE], deepest[FORCE] = 0.0, -1.0, stretch[:, FORCE].sum()
-                new.append(deepest)
-        rod.count = len(new)
+            for run in np.split(rows, np.flatnonzero(np.diff(rows[:, PLACE]) > 1.5 * rod.spacing) + 1):
+                new += self._hardened(run)
+        rod.count = min(len(new), len(rod.points))
         if new:
-            rod.points[: rod.count] = new
-        return True
+            rod.points[: rod.count] = new[: rod.count]
+
+    def _hardened(self, run: np.ndarray) -> list[np.ndarray]:
+        """Contact points for a `run` (k, COLUMNS) of samples side by side that are inside an obstacle."""
+        rod, total = self.rod, run[:, FORCE].sum()
+        low, high = run[0, PLACE], run[-1, PLACE]
+        template = np.zeros(COLUMNS)
+        template[OBSTACLE], template[TIE] = run[0, OBSTACLE], -1.0
+        if high - low < (LONGEST_POINT - 0.5) * rod.spacing:
+            template[PLACE], template[FORCE] = run[np.argmax(run[:, FORCE]), PLACE], total
+            return [template]
+        assert rod.obstacles is not None
+        ob = rod.obstacles[int(run[0, OBSTACLE])]
+        out = []
+        if low > 1.5 * rod.spacing or not grounded(rod.c, rod.h, rod.s0, ob, 0.0):
+            out.append((low, FIRST, run[0, FORCE]))
+        else:
+            low = 0.0
+        if high < 1.0 - 1.5 * rod.spacing or not grounded(rod.c, rod.h, rod.s0, ob, 1.0):
+            out.append((high, LAST, run[-1, FORCE]))
+        else:
+            high = 1.0
+        # samples of the elements take their place once there is a mesh
+        inner = rod.samples[(rod.samples > low) & (rod.samples < high)]
+        out += [(s, SAMPLE, total / len(inner)) for s in inner]
+        rows = np.tile(template, (len(out), 1))
+        rows[:, [PLACE, KIND, FORCE]] = out
+        rows[rows[:, KIND] == SAMPLE, LENGTH] = rod.spacing
+        return list(rows)

@@ -10,12 +10,14 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.mechanics.effects.contact_kernels import curve, direction, gap, position, shape
-from cable_ros.statics.touch_points import FLAT, OBSTACLE, PLACE, TIE, ends
+from cable_ros.statics.touch_points import KIND, OBSTACLE, PLACE, POINT, SAMPLE, TIE
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 NARROWEST = 0.12
 """A boundary slides no nearer to its neighbours than this part of the way between them."""
+SHORTEST = 1e-3
+"""And no nearer than this to one that another contact point has; parts of the length."""
 
 
 @njit(**OPTIONS)
@@ -56,15 +58,28 @@ def lowest(q, h, s0, nodes, c, s, reach, obstacle):
 
 
 @njit(**OPTIONS)
-def slide(q, h, s0, nodes, boundary, s):
+def room(points, count, boundary, h, s0):
+    """How near a boundary may come to the one before it and to the one after it."""
+    narrow = NARROWEST * (h[boundary - 1] + h[boundary])
+    before, after = narrow, narrow
+    for i in range(count):
+        if points[i, TIE] == boundary - 1 and boundary > 1:
+            before = min(narrow, SHORTEST)
+        if points[i, TIE] == boundary + 1:
+            after = min(narrow, SHORTEST)
+    return before, after
+
+
+@njit(**OPTIONS)
+def slide(q, h, s0, nodes, boundary, s, before, after):
     """Move the boundary between two elements to the arc length s; the shape q (n, 4) stays, its nodes move.
 
-    Returns whether it may: not too near to the neighbouring boundaries.
+    Returns whether it may: no nearer than `before` and `after` to the neighbouring boundaries.
     """
     e = boundary - 1
     low, old = s0[e], s0[boundary]
     high = old + h[boundary]
-    if s - low < NARROWEST * (high - low) or high - s < NARROWEST * (high - low):
+    if s - low < before or high - s < after:
         return False
     if s == old:
         return True
@@ -100,53 +115,47 @@ def tie(points, count, i, h, s0):
     """Give contact point i the nearest free boundary that can come to it, or none; whether it has one."""
     s = points[i, PLACE]
     best, distance = -1, np.inf
+    points[i, TIE] = -1.0
     for b in range(1, h.shape[0]):
         low, high = s0[b - 1], s0[b] + h[b]
-        margin = 1.5 * NARROWEST * (high - low)
-        if not low + margin < s < high - margin or abs(s - s0[b]) >= distance:
+        away = abs(s - s0[b])
+        before, after = room(points, count, b, h, s0)
+        there = away < 1e-9 or (low + 1.5 * before < s < high - 1.5 * after)
+        if not there or away >= distance:
             continue
         taken = False
         for k in range(count):
             taken = taken or points[k, TIE] == b
         if not taken:
-            best, distance = b, abs(s - s0[b])
+            best, distance = b, away
     points[i, TIE] = best
     return best >= 0
 
 
 @njit(**OPTIONS)
 def place_points(q, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count):
-    """Let the sliding points go to their gap's minimum, with their boundaries; whether all have one."""
+    """Let the points go to their gap's minimum, and boundaries to them and to where stretches end.
+
+    Returns whether each has its boundary.
+    """
     curve(q, h, N, primitives, c)
     tied = True
     for i in range(count):
-        if points[i, FLAT] == 1.0:
+        if points[i, KIND] == SAMPLE:
             continue
-        ob = obstacles[int(points[i, OBSTACLE])]
-        points[i, PLACE] = lowest(q, h, s0, nodes, c, points[i, PLACE], spacing, ob)
-        if points[i, TIE] < 0.0 and not tie(points, count, i, h, s0):
-            tied = False
-            continue
-        slid = slide(q, h, s0, nodes, int(points[i, TIE]), points[i, PLACE])
-        if not slid and tie(points, count, i, h, s0):
-            slid = slide(q, h, s0, nodes, int(points[i, TIE]), points[i, PLACE])
-        if slid:
+        if points[i, KIND] == POINT:
+            ob = obstacles[int(points[i, OBSTACLE])]
+            points[i, PLACE] = lowest(q, h, s0, nodes, c, points[i, PLACE], spacing, ob)
+        for _ in range(2):
+            if points[i, TIE] < 0.0 and not tie(points, count, i, h, s0):
+                break
+            b = int(points[i, TIE])
+            before, after = room(points, count, b, h, s0)
+            if slide(q, h, s0, nodes, b, points[i, PLACE], before, after):
+                break
+            points[i, TIE] = -1.0
+        if points[i, TIE] >= 0.0:
             curve(q, h, N, primitives, c)
         else:
-            points[i, TIE] = -1.0
             tied = False
     return tied
-
-
-@njit(**OPTIONS)
-def hold_ends(q, h, s0, nodes, spacing, points, count):
-    """Slide a boundary between elements to each end of a stretch: there the shear force jumps."""
-    for i in range(count):
-        points[i, TIE] = points[i, TIE] if points[i, FLAT] == 0.0 else -1.0
-    for i in range(count):
-        s = points[i, PLACE]
-        if points[i, FLAT] != 1.0 or s < 1.5 * spacing or s > 1.0 - 1.5 * spacing:
-            continue
-        first, last = ends(points, count, i, spacing)
-        if (first or last) and tie(points, count, i, h, s0):
-            slide(q, h, s0, nodes, int(points[i, TIE]), s)

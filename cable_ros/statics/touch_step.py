@@ -11,9 +11,10 @@ from cable_ros.solve import banded
 from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 from cable_ros.statics.friction_kernels import FRICTIONLESS
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
-from cable_ros.statics.touch_places import hold_ends, place_points
-from cable_ros.statics.touch_points import FLAT, FORCE, FOUNDATION, FRICTION, HELD, coarse
-from cable_ros.statics.touch_search import MOST_SAMPLES, flatten, grid, press, revise, within
+from cable_ros.statics.touch_places import place_points
+from cable_ros.statics.touch_points import FORCE, FRICTION, HELD, KIND, SAMPLE
+from cable_ros.statics.touch_search import flatten, revise
+from cable_ros.statics.touch_stretches import SAMPLES, coarse, cover, fill, move_ends
 from cable_ros.statics.touch_system import system
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -45,18 +46,17 @@ def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S
 
 @njit(**OPTIONS)
 def touch(
-    q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, cells,
+    q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, samples,
     obstacles, old_obstacles, sense, model, points, count, rows, ready, gaps, normals,
     elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
-    tolerance, depth, limit, contract, q_new, F_new,
+    tolerance, depth, limit, q_new, F_new,
 ):  # fmt: skip
     """From the equilibrium (q, F) with contact to the one under new conditions; see `compiled.advance`.
 
     A tangent step from the old state, Newton's method on the active set, and revisions of the set until no
     point pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place. Where the
     factors of the last equilibrium with its `rows` borders are still there, `ready`, the first step takes
-    them. `contract`: whether short stretches may become points. Returns (code, iterations,
-    count, rows, whether another mesh would hold the points better).
+    them. Returns (code, iterations, count, rows, whether another mesh would hold the points better).
     """
     N, gauss = tables[0], tables[4]
     order = N.shape[1] - 1
@@ -64,10 +64,11 @@ def touch(
     gv = g.reshape(n)
     s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
     elements = h.shape[0]
+    cells = samples.shape[0] - 1
     spacing = 1.0 / cells
-    buffer = np.empty(MOST_SAMPLES)
-    samples = buffer[: grid(points, count, cells, buffer)]
-    phi = np.empty((obstacles.shape[0], MOST_SAMPLES))
+    phi = np.empty((obstacles.shape[0], cells + 1))
+    covered = np.empty((obstacles.shape[0], SAMPLES * elements), np.bool_)
+    cover(points, count, h, s0, covered)
     c = np.empty((elements, gauss.shape[0] + 1, 3))
     old_c = np.empty_like(c)
     curve(q, h, N, primitives, old_c)
@@ -76,27 +77,21 @@ def touch(
     last = q.shape[0] - 1
     q_new[:] = q
     F_new[:] = F
-    if not ready:
-        hold_ends(q_new, h, s0, nodes, spacing, points, count)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
     total, size = 0, 0.0
     lift, moved, convex = True, False, True  # `lift`: the tangent step, which takes the end to its new place
-    for revision in range(MOST_REVISIONS):
+    for _ in range(MOST_REVISIONS):
         converged = False
         for iteration in range(MOST_ITERATIONS):
             changes = 0
             curve(q_new, h, N, primitives, c)
             if not lift:
-                flattened, count = flatten(q_new, h, s0, nodes, c, samples, spacing, obstacles, points, count)
+                flattened, count = flatten(q_new, h, s0, nodes, c, spacing, obstacles, depth, points, count)
                 moved = not place_points(
                     q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count
                 )
-                if flattened or (iteration == 0 and revision > 0):
-                    changes = 1  # the set that has just been chosen holds for a step
-                else:
-                    changes, count = press(
-                        c, h, s0, samples, spacing, obstacles, points, count, phi, FOUNDATION, False
-                    )
+                changes, count = fill(points, count, h, s0, covered)
+                changes += flattened
             full = not (lift and ready)
             known, same = system(
                 q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
@@ -114,8 +109,8 @@ def touch(
             b[:] = 0.0
             for a in range(3):
                 b[a] = totals[a] - re[a]
-            for i in range(count):
-                b[3 + i] = gaps[i] + points[i, FORCE] * delta[3 + i]
+            for i in range(3, rows):
+                b[i] = gaps[i - 3]
             if lift:
                 end_coupling(elastic, geometric, V, rows, theta, gv, b)
             border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)
@@ -134,9 +129,9 @@ def touch(
                 change = max(change, abs(y[a]))
             for i in range(count):
                 points[i, FORCE] += y[3 + i]
-                if points[i, FLAT] == 0.0:
+                if points[i, KIND] != SAMPLE:
                     change = max(change, abs(y[3 + i]))
-            new = max(new, change / scale)
+            new = max(new, change / scale, move_ends(points, count, y, spacing))
             if not lift:
                 total += 1
                 rate = min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1
@@ -150,12 +145,8 @@ def touch(
         if not converged:
             return NOT_CONTRACTING, total, count, rows, moved
         changed, count = revise(
-            q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi,
-            contract and revision == 0,
-        )  # fmt: skip
-        if not within(points, count, samples, spacing):
-            samples = buffer[: grid(points, count, cells, buffer)]
-            changed = changed or revision < 8
+            q_new, h, s0, N, nodes, primitives, c, cells, samples, obstacles, depth, points, count, phi
+        )
         if not changed:
             moved = moved or coarse(points, count, h, s0, spacing)
             if not convex and model == FRICTIONLESS:

@@ -1,7 +1,8 @@
 """Compiled: the equations of a cable that touches.
 
-The unknowns of a contact point are its normal force and, where it slides, its place; both are eliminated as
-borders of the rod's banded system. Units of the cable, start clamp's frame.
+The unknowns of a contact point are its normal force and its place, those of the end of a stretch the couple
+that holds its slope, too (see `touch_stretches.move_ends`); they are eliminated as borders of the rod's
+banded system. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -13,7 +14,20 @@ from cable_ros.mechanics.effects.contact_kernels import across, find_element, po
 from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_derivative
 from cable_ros.statics.friction_kernels import FRICTIONLESS, carry, rub
 from cable_ros.statics.touch_places import gap_at
-from cable_ros.statics.touch_points import FLAT, FORCE, FOUNDATION, FRICTION, HELD, LENGTH, OBSTACLE, PLACE
+from cable_ros.statics.touch_points import (
+    FIRST,
+    FORCE,
+    FRICTION,
+    HELD,
+    KIND,
+    LENGTH,
+    OBSTACLE,
+    PLACE,
+    POINT,
+    ROW,
+    SAMPLE,
+    YIELD,
+)
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -64,9 +78,10 @@ def system(
 ):  # fmt: skip
     """Gradient, and where `full` the Hessian with its borders, at (q, F) with `count` contact points.
 
-    `V` (rows, 3n) receives the constraints' derivatives: end position (3), gaps (count), then a row for each
-    direction in which a gap is curved or friction is stiff, with its weight's inverse in `delta`; `W` the
-    directions in which the multipliers act, the same but where friction follows the normal force; `lines`
+    `gaps` receives the constraints: gaps (count), then zeros but for the slopes where stretches end. `V`
+    (rows, 3n) receives their derivatives: end position (3), gaps (count), then a row for each slope, and for
+    each direction in which a gap is curved or friction is stiff, with its weight's inverse in `delta`; `W`
+    the directions in which the multipliers act, the same but where friction follows the normal force; `lines`
     (rows, 3) the direction that each reads the position in, of the point before which there are `upto`
     (rows,) elements. `old_c`, `old_h`, `old_s0` are the curve of the last equilibrium, `old_obstacles` where
     they were. Returns (rows, whether W is V).
@@ -83,12 +98,13 @@ def system(
     curved = np.empty((size, 3))
     slopes = np.zeros((size, 3))
     limits = np.zeros((size, 7))
+    tilts = np.empty(size)
     for i in range(count):
         o = int(points[i, OBSTACLE])
         ob = obstacles[o]
         s = points[i, PLACE]
-        gaps[i], _, curvature = gap_at(q, h, s0, nodes, c, s, ob, r, t, dt, n, directions, bends)
-        curved[i, 2] = 0.0 if points[i, FLAT] == 1.0 else max(curvature, 1e-9)
+        gaps[i], tilts[i], curvature = gap_at(q, h, s0, nodes, c, s, ob, r, t, dt, n, directions, bends)
+        curved[i, 2] = max(curvature, 1e-9) if points[i, KIND] == POINT else 0.0
         for a in range(3):
             normals[i, a] = n[a]
         for k in range(2):
@@ -164,7 +180,7 @@ def system(
             for j in range(nd):
                 way[a, 3 * first + j] += own[a, j]
         row(V, 3 + i, normals[i], way)
-        delta[3 + i] = 1.0 / (FOUNDATION * points[i, LENGTH]) if points[i, FLAT] == 1.0 else 0.0
+        delta[3 + i] = YIELD * points[i, LENGTH] ** 3 if points[i, KIND] == SAMPLE else 0.0
         lines[3 + i] = normals[i]
         begin = rows
         upto[3 + i] = e
@@ -196,13 +212,16 @@ def system(
                 lines[rows] = frames[i, k]
                 delta[rows] = -1.0 / (points[i, FORCE] * curved[i, k])
                 rows += 1
-        if curved[i, 2] > 0.0 and abs(points[i, FORCE]) >= 1e-9:
+        ends = points[i, KIND] >= FIRST
+        if ends or (curved[i, 2] > 0.0 and abs(points[i, FORCE]) >= 1e-9):
             row(V, rows, slopes[i], way)
             lines[rows] = slopes[i]
             for j in range(nd):
                 for a in range(3):
                     V[rows, 3 * first + j] += normals[i, a] * turn[a, j]
-            delta[rows] = curved[i, 2] / points[i, FORCE]
+            delta[rows] = 0.0 if ends else curved[i, 2] / points[i, FORCE]
+            if ends:
+                points[i, ROW] = rows
             rows += 1
         for b in range(begin, rows):
             upto[b] = e
@@ -210,6 +229,10 @@ def system(
         W[b] = V[b]
     for b in range(3 + count, rows):
         W[b] = V[b]
+        gaps[b - 3] = 0.0
+    for i in range(count):
+        if points[i, KIND] >= FIRST:
+            gaps[int(points[i, ROW]) - 3] = tilts[i]
     return rows, same
 
 

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from cable_ros.mechanics.effects.contact import gaps
 from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.mechanics.elements import Mesh, primitives
 from cable_ros.solve.trust_region import Options
@@ -15,25 +14,23 @@ from cable_ros.statics import compiled
 from cable_ros.statics.descent import descend, give_way
 from cable_ros.statics.friction_kernels import FRICTIONLESS, SLIDING
 from cable_ros.statics.response import border_response
-from cable_ros.statics.rod import NOTHING, REFRESH, Rod
+from cable_ros.statics.rod import REFRESH, Rod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.touch_meshes import fitted, suited
 from cable_ros.statics.touch_points import (
     CAPACITY,
     COLUMNS,
-    FLAT,
     FORCE,
     FRICTION,
     HELD,
-    LENGTH,
-    OBSTACLE,
-    PLACE,
+    KIND,
+    SAMPLE,
     TIE,
 )
 from cable_ros.statics.touch_search import dips, passage, scan
 from cable_ros.statics.touch_step import touch
+from cable_ros.statics.touch_stretches import resample
 from cable_ros.statics.touch_system import nodal, point_forces, system
-from cable_ros.statics.units import relative_change
 
 ROWS = 3 + 6 * CAPACITY
 DEEPEST = 1e-5
@@ -65,7 +62,7 @@ class TouchingRod(Rod):
         self.sense = np.zeros(3)
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
-        self.gaps, self.normals = np.zeros(CAPACITY), np.zeros((CAPACITY, 3))
+        self.gaps, self.normals = np.zeros(ROWS), np.zeros((CAPACITY, 3))
         super().__init__(mesh, stiffness, natural)
 
     def _allocate(self, mesh: Mesh) -> None:
@@ -116,60 +113,15 @@ class TouchingRod(Rod):
         new.model, new.sense = self.model, self.sense
         new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
         new.points[:, FORCE : HELD + 3] /= scale
-        if len(new.samples) != len(self.samples):
-            # flat points stand at samples: what slides stays
-            new.points = new.points[: new.count][new.points[: new.count, FLAT] == 0.0]
-            new.count = len(new.points)
-            new.points = np.vstack([new.points, np.zeros((CAPACITY - new.count, COLUMNS))])
         if mesh is not None:
             new.points[:, TIE] = -1.0
+            new.count = resample(new.points, new.count, new.h, new.s0)
         return new
 
-    def at_clamps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Contact points (k, COLUMNS) at the clamps themselves, and their normals (k, 3).
-
-        Where a stretch begins at a clamp, the obstacle carries the half interval next to it, too: with the
-        mean pressure of the samples near by.
-        """
-        rows, normals = [], []
-        touching = self.points[: self.count]
-        for o in np.unique(touching[touching[:, FLAT] == 1.0, OBSTACLE]):
-            assert self.obstacles is not None
-            mine = np.flatnonzero((touching[:, OBSTACLE] == o) & (touching[:, FLAT] == 1.0))
-            for place, r in ((0.0, self.c[0, 0]), (1.0, self.c[-1].sum(axis=0))):
-                i = mine[np.argmin(np.abs(touching[mine, PLACE] - place))]
-                way = abs(touching[i, PLACE] - place)
-                if way > 1.5 * self.spacing or gaps(self.obstacles[int(o) : int(o) + 1], r)[0] > 1e-5:
-                    continue
-                row = touching[i].copy()
-                row[PLACE] = place
-                near = touching[mine][np.abs(touching[mine, PLACE] - place) < 4.5 * self.spacing]
-                row[FORCE:TIE] = near[:, FORCE:TIE].sum(axis=0) / near[:, LENGTH].sum() * 0.5 * way
-                rows.append(row)
-                normals.append(self.normals[i])
-        return np.array(rows).reshape(-1, COLUMNS), np.array(normals).reshape(-1, 3)
-
-    def held(self) -> tuple[np.ndarray, np.ndarray]:
+    def held(self) -> np.ndarray:
         touching = self.points[: self.count]
         forces = touching[:, FORCE, None] * self.normals[: self.count] + touching[:, FRICTION:HELD]
-        total = forces.sum(axis=0)
-        if not (touching[:, FLAT] == 1.0).any():
-            return total, NOTHING
-        points, normals = self.at_clamps()
-        forces = points[:, FORCE, None] * normals + points[:, FRICTION:HELD]
-        end = points[:, PLACE] == 1.0
-        return total + forces[~end].sum(axis=0), forces[end].sum(axis=0)
-
-    def give(self, F: np.ndarray) -> float:
-        flat = self.points[: self.count, FLAT] == 1.0
-        if not flat.any():
-            return 0.0
-        c = np.zeros(self.rows)
-        sunk = -self.points[: self.count, FORCE] * self.delta[3 : 3 + self.count]
-        c[3 : 3 + self.count] = np.where(flat, sunk, 0.0)
-        s, y = self.border_step(np.zeros(self.g.size), c)
-        moment = compiled.end_rows(self.elastic, self.geometric, self.V, self.rows, s, y)
-        return relative_change(np.concatenate([y[:3], moment]), np.concatenate([F, self.g[-1]]), self.least)
+        return forces.sum(axis=0)
 
     # solving
 
@@ -196,6 +148,7 @@ class TouchingRod(Rod):
         fresh[0], fresh[-1] = q[0], q[-1]
         self._allocate(mesh)
         self.points[: self.count, TIE] = -1.0
+        self.count = resample(self.points, self.count, self.h, self.s0)
         return fresh
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
@@ -238,7 +191,7 @@ class TouchingRod(Rod):
 
     def sunk(self, obstacles: np.ndarray) -> bool:
         """Whether a stretch, or what is beside it, is deeper inside than springs may let it."""
-        if not (self.points[: self.count, FLAT] == 1.0).any():
+        if not (self.points[: self.count, KIND] == SAMPLE).any():
             return False
         if self.gaps[: self.count].min() < -DEEPEST:
             return True
@@ -271,7 +224,7 @@ class TouchingRod(Rod):
 
     def touch(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
-        tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True, contract: bool = True,
+        tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One solve with contact points, from the equilibrium (q, F) with its own; see `touch_step.touch`."""
         kept, sense, mesh = self.state(), self.sense, self.mesh
@@ -282,11 +235,11 @@ class TouchingRod(Rod):
         try:
             code, iterations, self.count, self.rows, moved = touch(
                 q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
-                self.primitives, self.cells, obstacles, self.obstacles, self.sense, self.model,
+                self.primitives, self.samples, obstacles, self.obstacles, self.sense, self.model,
                 self.points, self.count, self.rows, self.ready, self.gaps, self.normals,
                 self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W,
                 self.delta, self.lines, self.upto, Y, S, self.acc, self.g,
-                self.radial, self.totals, tolerance, self.depth, limit, contract, q_new, F_new,
+                self.radial, self.totals, tolerance, self.depth, limit, q_new, F_new,
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved = compiled.NOT_CONTRACTING, 0, False
@@ -403,7 +356,7 @@ class TouchingRod(Rod):
         curve(q, self.h, self.tables[0], self.primitives, self.c)
         self.rows = self.system(q, F, FRICTIONLESS)
         self.border_factor(-NEUTRAL, 3 + self.count)
-        held, _ = self.held()
+        held = self.held()
         return np.asarray(border_response(
             F, F + self.f + held, self.qe, self.elastic, self.geometric, self.V, self.rows, self.lines,
             self.mesh.element.order, self.L, self.pivots, self.borders, self.complement, self.g,
