@@ -1,8 +1,10 @@
-"""Compiled code is kept while its sources stay the same, and no longer."""
+"""Compiled code is kept while its sources stay the same, no longer, with the same bits in all processes."""
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -49,14 +51,21 @@ def package(tmp_path):
     return folder
 
 
+def python(code: str, *arguments: str, path: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Runs the code in a new process, with modules of `path` and numba's own choice of a cache folder."""
+    inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    environment = {**inherited, "PYTHONPATH": str(path), **environment}
+    run = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(run, env=environment, check=True, capture_output=True, text=True)
+
+
 def call(package: Path) -> tuple[float, bool]:
     """What `outer(10.0)` is in a new process, and whether its code came from the cache."""
-    environment = {**os.environ, "PYTHONPATH": str(package.parent)}
-    environment.pop("NUMBA_CACHE_DIR", None)
-    run = [sys.executable, "-c", CALL]
-    out = subprocess.run(run, env=environment, check=True, capture_output=True, text=True).stdout.split()
-    assert {out[1], out[2]} == {"0", "1"}
-    return float(out[0]), out[1] == "1"
+    done = python(CALL, path=package.parent)
+    assert done.stderr == ""
+    value, hits, misses = done.stdout.split()
+    assert {hits, misses} == {"0", "1"}
+    return float(value), hits == "1"
 
 
 def replace(file: Path, old: str, new: str) -> None:
@@ -89,3 +98,122 @@ def test_every_compiled_file_takes_this_njit():
         if "from numba import" in path.read_text(encoding="utf-8") and path.name != "compilation.py"
     ]
     assert direct == []
+
+
+def kept(package: Path, ending: str) -> list[Path]:
+    found = sorted((package / "__pycache__").glob(f"*.{ending}"))
+    assert len(found) == 2  # inner's and outer's
+    return found
+
+
+@pytest.mark.parametrize("size", [0, 100])
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_files_cut_short_are_replaced(package, ending, size):
+    """As a power failure leaves them."""
+    assert call(package) == (21.0, False)
+    for file in kept(package, ending):
+        os.truncate(file, size)
+    assert call(package) == (21.0, False)
+    assert call(package) == (21.0, True)
+
+
+def test_code_of_other_sources_is_not_taken(package):
+    """Before and after an update, two processes write at once: the index of one, the data of the other."""
+    assert call(package) == (21.0, False)
+    for file in kept(package, "nbc"):
+        shutil.copy(file, package / file.name)
+    replace(package / "inner.py", "FACTOR = 2.0", "FACTOR = 3.0")
+    assert call(package) == (31.0, False)
+    for file in kept(package, "nbc"):
+        shutil.copy(package / file.name, file)
+    assert call(package) == (31.0, False)
+    assert call(package) == (31.0, True)
+
+
+def test_a_disk_that_takes_nothing_stops_nothing(package):
+    """A folder in the place of a file is as good as a full disk: neither can be written."""
+    call(package)
+    for file in kept(package, "nbi"):
+        file.unlink()
+        file.mkdir()
+    assert call(package) == (21.0, False)
+
+
+def test_no_folder_to_keep_code_in_is_told_once(package, tmp_path):
+    nowhere = tmp_path / "file"
+    nowhere.touch()
+    (package / "__pycache__").symlink_to(nowhere)
+    done = python(CALL, path=package.parent, XDG_CACHE_HOME=str(nowhere / "cache"))
+    assert done.stdout.startswith("21.0 ")
+    assert done.stderr.count("set NUMBA_CACHE_DIR") == 1
+
+
+SOLVE = """
+import hashlib, sys
+import numpy as np
+from references import planar
+from zoo_make import led
+from cable_ros import Tracker, load_scene
+from cable_ros.bench.cases import case_scene
+from cable_ros.share import share_file
+
+def angles(start, end, count):
+    return np.radians(np.linspace(start, end, count))
+
+def of_config(name, path):
+    tracker = Tracker(load_scene(share_file("config", name)))
+    return tracker, [dict.fromkeys(tracker.joint_names, value) for value in path]
+
+def arch():
+    path = [{"yaw": angle} for angle in [*angles(-20, 60, 33), *angles(60, 0, 31)]]
+    case = led("arch", "", planar.buckled(1.0, 1.0, 0.9).scene(), path)
+    return Tracker(case_scene(case)), case.path
+
+SCENES = {
+    "arm": lambda: of_config("space_arm.yaml", angles(-90, 90, 46)),
+    "arch": arch,
+    "sphere": lambda: of_config("space_arm_sphere.yaml", angles(20, 75, 56)),
+    "draped": lambda: of_config("draped.yaml", np.linspace(0.0, 0.2, 11)),
+}
+bits = {}
+for name in sys.argv[1:]:
+    tracker, path = SCENES[name]()
+    digest = hashlib.sha256()
+    for joints in path:
+        for found in tracker.solve(joints).values():
+            for value in (found.end_wrench, found.points, found.stability_margin, found.error_estimate):
+                digest.update(np.asarray(value).tobytes())
+    bits[name] = digest.hexdigest()
+print(*[bits[name] for name in sorted(bits)])
+"""
+
+
+def solved(*names: str, **environment: str) -> str:
+    """What identifies every bit of the scenes' equilibria, solved in this order in a new process."""
+    return python(SOLVE, *names, path=Path(__file__).parent, **environment).stdout
+
+
+def test_the_same_bits_just_compiled_and_loaded(tmp_path):
+    """Contact would take as long again to compile; its functions are loaded in two orders below."""
+    cache = str(tmp_path)
+    compiled = solved("arch", "arm", NUMBA_CACHE_DIR=cache)
+    assert solved("arch", "arm", NUMBA_CACHE_DIR=cache) == compiled
+    assert solved("arm", "arch", NUMBA_CACHE_DIR=cache) == compiled
+
+
+@pytest.mark.timeout(600)  # the first test to solve with contact compiles for it
+def test_the_same_bits_whatever_was_loaded_before():
+    """With contact, whose functions share most of theirs with those of the free cable."""
+    names = ["arch", "arm", "draped", "sphere"]
+    assert solved(*names) == solved(*reversed(names))
+    assert solved("sphere", "arm") == solved("arm", "sphere")
+
+
+def test_the_arithmetic_is_that_which_is_written():
+    relaxed = re.compile(r"""fastmath["']?\s*[:=]""")
+    found = [
+        str(path.relative_to(PACKAGE))
+        for path in PACKAGE.rglob("*.py")
+        if relaxed.search(path.read_text(encoding="utf-8"))
+    ]
+    assert found == ["baselines/published_kernels.py"]

@@ -270,7 +270,7 @@ def normal_equations(v, local, whole, band, gradient):  # type: ignore[no-untype
         gradient[j] += whole[0, j] * v[0] + whole[1, j] * v[1] + whole[2, j] * v[2] + whole[3, j] * v[last]
 
 
-@njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+@njit(cache=True)
 def normal_product(local, whole, d, out):  # type: ignore[no-untyped-def]
     """out = J^T J d without forming the whole-cable rows' product; returns |J d|^2."""
     n = local.shape[0]
@@ -348,6 +348,7 @@ def damped_step(local, whole, band, gradient, mu, factor, spread, d, work):  # t
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _banded_solve(factor, x):  # type: ignore[no-untyped-def]
     """x := (L L^T)^-1 x."""
+    # a baseline shall be as fast as it can be, and need not repeat its last bit: sums in any order
     size = x.size
     for j in range(size):
         reach = min(SUBDIAGONALS + 1, size - j)

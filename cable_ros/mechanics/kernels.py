@@ -16,7 +16,7 @@ import numpy as np
 
 from cable_ros.compilation import njit
 
-OPTIONS = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
+OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**OPTIONS)

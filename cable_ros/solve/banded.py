@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from cable_ros.compilation import njit
 
-OPTIONS = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
+OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**OPTIONS)

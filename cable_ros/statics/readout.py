@@ -9,7 +9,6 @@ from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.contact_kernels import curve, find_element, position, shape
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
-FAST = {**OPTIONS, "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
 
 
 @njit(**OPTIONS)
@@ -42,7 +41,7 @@ def turn(start, q, out):
         out[i, 3] = w * d + x * c - y * b + z * a
 
 
-@njit(**FAST)
+@njit(**OPTIONS)
 def polyline(q, h, element, values, weights, quadrature, start, length, out_r, out_q):
     """World points (m, 3) and frames (m, 4) x y z w at the arc lengths that `elements.Sampling` stands for.
 
