@@ -24,6 +24,7 @@ setup(
     maintainer="cable_ros maintainers",
     maintainer_email="cable_ros@example.org",
     python_requires=">=3.10",
+    package_dir={"": "."},  # an editable installation is this folder, and setuptools has nothing to warn of
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["py.typed"]},
     data_files=[
