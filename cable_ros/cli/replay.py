@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cable_ros.arguments import from_zero
 from cable_ros.cli._arguments import CommandError, add_command
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument(
         "--tolerance",
         metavar="T",
-        type=_tolerance,
+        type=from_zero,
         default=0.0,
         help="largest difference allowed, relative to the largest force and moment (default 0: bit for bit,"
         " as the same machine and versions give it)",
@@ -223,13 +223,3 @@ def side_by_side(samples: Sequence[Sample], log: LogReader, name: str) -> Figure
         for axes in row:
             axes.set_ylim(limits[:, 0].min(), limits[:, 1].max())
     return figure
-
-
-def _tolerance(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value >= 0):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 0 on, such as 1e-6")
-    return value

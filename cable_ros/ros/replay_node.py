@@ -25,6 +25,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.utilities import remove_ros_args
 from tqdm import tqdm
 
+from cable_ros.arguments import from_zero
 from cable_ros.log.errors import LogError
 from cable_ros.log.qos import qos_from_yaml
 from cable_ros.log.reader import LoggedMessage, LoggedTopic, LogReader
@@ -222,13 +223,13 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until interrupted")
     parser.add_argument("--topics", metavar="TOPIC", nargs="+", help="only these (default: all)")
-    parser.add_argument("--start", metavar="S", type=_not_negative, default=0.0, help="skip the first S s")
+    parser.add_argument("--start", metavar="S", type=from_zero, default=0.0, help="skip the first S s")
     parser.add_argument("--duration", metavar="D", type=_positive, help="stop after D s of the log")
     parser.add_argument("--clock", action="store_true", help="publish the logged time on /clock, at 100 Hz")
     parser.add_argument(
         "--wait",
         metavar="S",
-        type=_not_negative,
+        type=from_zero,
         default=5.0,
         help="wait up to S s for subscribers, less where no more of them come (default 5)",
     )
@@ -236,19 +237,9 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _positive(text: str) -> float:
-    value = _not_negative(text)
+    value = from_zero(text)
     if value == 0:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
-    return value
-
-
-def _not_negative(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value >= 0):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number such as 2.5")
     return value
 
 
