@@ -12,6 +12,7 @@ from cable_ros.effects import ALL, called_for, wanted
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.mechanics.effects.effect import Effect
 from cable_ros.scene import Cable, Scene
+from cable_ros.self_contact import NOT_MODELLED, SPACING, closest_approach, warning
 from cable_ros.statics.units import Units, relative_change
 from cable_ros.tracker import Tracker
 
@@ -21,9 +22,6 @@ APPROACH = 10
 """Steps over which a pose with friction is approached: friction remembers the way."""
 ANGLE, STROKE = np.radians(0.5), 2e-3
 """One such step, and that of the timed solves: rad, or parts of the shortest cable's length."""
-NOT_MODELLED = "Contact of the cable with itself is not modelled"
-SPACING = np.pi
-"""Parts of the cable nearer than so many diameters along it are neighbours, not a contact."""
 
 
 @dataclass(frozen=True)
@@ -218,21 +216,9 @@ def self_contact(cable: Cable, found: Equilibrium) -> str:
         return f"{NOT_MODELLED}; without a diameter nothing tells when it would matter."
     apart = closest_approach(found.points, cable.length, SPACING * diameter)
     if apart < diameter:
-        return (
-            f"{NOT_MODELLED} and matters here: two parts of it are "
-            f"{apart * 1e3:.3g} mm apart, less than the diameter of {diameter * 1e3:.3g} mm."
-        )
+        return warning(apart, diameter)
     if not np.isfinite(apart):
         return f"{NOT_MODELLED}; this one is too short for it."
     return (
         f"{NOT_MODELLED}; here its parts stay {apart * 1e3:.3g} mm apart, {apart / diameter:.2g} diameters."
     )
-
-
-def closest_approach(points: np.ndarray, length: float, spacing: float) -> float:
-    """Smallest distance of two points (n, 3) that are `spacing` or more apart along the length."""
-    skip = int(np.ceil(spacing / (length / (len(points) - 1))))
-    best = np.inf
-    for i in range(len(points) - skip):
-        best = min(best, float(((points[i + skip :] - points[i]) ** 2).sum(axis=1).min()))
-    return float(np.sqrt(best))

@@ -14,6 +14,7 @@ from cable_ros.equilibrium import Equilibrium
 from cable_ros.mechanics.effects.contact import gaps, placed
 from cable_ros.mechanics.effects.effect import Properties
 from cable_ros.scene import Cable, Kinematics
+from cable_ros.self_contact import SPACING, closest_approach, warning
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
@@ -38,6 +39,8 @@ CLAMP_DEPTH = 1e-6
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
 LONGEST_STRETCH = 1.1
 """A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
+OUTLINE = 101
+"""So many points tell how near the cable comes to itself."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
 """What a result says whose stability margin is 0."""
@@ -57,7 +60,8 @@ class Follower:
         self.environment: dict[str, float] = {}
         self.choice: Choice | None = None
         self._use(properties)
-        self._polyline = results.Polyline()
+        self._polyline, self._outline = results.Polyline(), results.Polyline()
+        self._diameter = 2.0 * cable.radius
         self.reset()
 
     def _use(self, properties: Properties) -> None:
@@ -93,6 +97,7 @@ class Follower:
         self._twist: float | None = None
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
+        self._apart = np.inf
 
     def become(
         self, properties: Properties, kinematics: Callable[[np.ndarray], np.ndarray], index: int
@@ -305,8 +310,11 @@ class Follower:
                 )
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
+            self._apart = self._closest_approach(poses[0])
         if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
             message = FREE
+        if self._apart < self._diameter:
+            message = f"{message} {warning(self._apart, self._diameter)}"
         if self.choice is not None:
             message += self.choice.note
         unit = self._units
@@ -324,6 +332,14 @@ class Follower:
             solve_time=time.perf_counter() - begin, _tangent=results.tangent(rod, self._q, self._F, unit),
             _touching=results.touching(rod, friction, self._names, poses[0], unit),
         )  # fmt: skip
+
+    def _closest_approach(self, start: np.ndarray) -> float:
+        """How near the cable comes to itself, m; `start` (7,): its start clamp."""
+        if not self._diameter or self._rod is None:
+            return np.inf
+        length = self._units.length
+        points, _ = self._outline.read(self._rod, self._q, self._F, start, length, OUTLINE)
+        return closest_approach(points, length, SPACING * self._diameter)
 
     @property
     def rod(self) -> Rod | None:

@@ -11,10 +11,12 @@ import pytest
 
 from cable_ros import Tracker, load_scene
 from cable_ros.cli.main import main
-from cable_ros.explain import closest_approach, explain
+from cable_ros.explain import explain
 from cable_ros.scene import EFFECTS
 from cable_ros.scene.text import parse_yaml
+from cable_ros.self_contact import closest_approach
 from cable_ros.share import share_file
+from cable_ros.solve.status import Status
 
 
 def shipped(name: str) -> str:
@@ -112,6 +114,9 @@ def test_self_contact_is_told_where_it_would_matter() -> None:
         scene = load_scene({"gravity": [0, 0, 0], "cables": [cable]})
         (one,) = explain(scene, {}, 1e-3, repeats=0).values()
         assert ("matters here" in one.self_contact) == matters
+        (found,) = Tracker(scene).solve({}).values()
+        assert found.status is Status.CONVERGED
+        assert ("matters here" in found.message) == matters
 
 
 def test_closest_approach_of_a_circle_and_of_a_crossing() -> None:
