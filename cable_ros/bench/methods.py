@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cable_ros.baselines import bvp, published
+from cable_ros.baselines import bvp, bvp_plain, published
 from cable_ros.baselines.result import BaselineResult, ClampedCable
 from cable_ros.scene import Scene
 from cable_ros.tracker import Tracker
@@ -105,17 +105,26 @@ class SolveBvp:
 
     def warm(self, pose: Pose) -> Outcome:
         begin = time.perf_counter()
-        results = [
-            bvp.solve(cable, last, tolerance=self.setting, jacobians=self._jacobians)
-            for cable, last in zip(pose.cables, self._last, strict=True)
-        ]
+        results = [self._solve(cable, last) for cable, last in zip(pose.cables, self._last, strict=True)]
         outcome = _outcome(begin, results)
         self._last = [new if new.converged else old for new, old in zip(results, self._last, strict=True)]
         return outcome
 
+    def _solve(self, cable: ClampedCable, last: BaselineResult) -> BaselineResult:
+        return bvp.solve(cable, last, tolerance=self.setting, jacobians=self._jacobians)
+
     def cold(self, pose: Pose) -> Outcome:
         begin = time.perf_counter()
         return _outcome(begin, [bvp.solve_cold(cable, tolerance=self.setting) for cable in pose.cables])
+
+
+class PlainBvp(SolveBvp):
+    """scipy's collocation on the equations as they stand, thirteen states; warm on the last mesh."""
+
+    name = "solve_bvp, plain"
+
+    def _solve(self, cable: ClampedCable, last: BaselineResult) -> BaselineResult:
+        return bvp_plain.solve(cable, last, tolerance=self.setting)
 
 
 class Published:

@@ -19,7 +19,7 @@ import numpy as np
 from cable_ros.baselines import bvp
 from cable_ros.baselines.result import BaselineResult, ClampedCable, from_equilibrium, relative_wrench_error
 from cable_ros.bench import effects
-from cable_ros.bench.methods import Method, OurTracker, Outcome, Pose, Published, SolveBvp
+from cable_ros.bench.methods import Method, OurTracker, Outcome, PlainBvp, Pose, Published, SolveBvp
 from cable_ros.scene import Kinematics, Scene
 from cable_ros.scene.text import parse_yaml
 from cable_ros.tracker import Tracker
@@ -125,7 +125,7 @@ class Bench:
         settings = len(size.tolerances) + len(size.bvp_tolerances)
         others = 8 + 2 * len(size.gravity_numbers) + len(STEPS) + len(size.cables)
         return (
-            (settings + len(size.parts)) * blocks
+            (settings + len(size.bvp_tolerances) + len(size.parts)) * blocks
             + (settings + 2 * len(size.parts)) * size.references
             + others * (len(self.path) + blocks)
         )
@@ -150,7 +150,8 @@ class Bench:
                 "give a path that the cable can follow with --joint NAME=START:STOP:STEP"
             )
         theirs = [SolveBvp(tolerance) for tolerance in size.bvp_tolerances]
-        methods: list[Method] = [*ours, *theirs, *(Published(parts) for parts in size.parts)]
+        plain = [PlainBvp(tolerance) for tolerance in size.bvp_tolerances]
+        methods: list[Method] = [*ours, *theirs, *plain, *(Published(parts) for parts in size.parts)]
         yield from self.warm("warm", methods, poses)
         coarse = [parts for parts in size.parts if parts <= 640]  # from ones, finer grids take minutes
         methods = [*ours, *theirs]

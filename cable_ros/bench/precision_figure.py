@@ -18,12 +18,14 @@ from cable_ros.plots import STYLE
 COLOURS = {
     "cable_ros": "#0072B2",
     "solve_bvp": "#D98C00",
+    "solve_bvp, plain": "#B35C44",
     "published method, our start": "#AAAAAA",
     "published method": "#555555",
 }
 NAMES = {
     "cable_ros": "cable_ros\nby tolerance",
     "solve_bvp": "scipy solve_bvp\nby tolerance",
+    "solve_bvp, plain": "the same, written plainly\nby tolerance",
     "published method": "published method\nby number of parts",
     "published method, our start": "published method\nstarted at our result",
 }

@@ -6,7 +6,7 @@ from scipy.integrate import trapezoid
 from scipy.spatial.transform import Rotation
 
 from baselines.cases import ARM, CABLES, arm
-from cable_ros.baselines import bvp
+from cable_ros.baselines import bvp, bvp_plain
 from cable_ros.baselines.result import relative_wrench_error
 
 
@@ -84,3 +84,24 @@ def test_statics_of_the_whole_cable():
     # (9) about the start; trapezoidal rule on a few hundred nodes
     scale = np.linalg.norm(result.moment[0])
     np.testing.assert_allclose(result.moment[0], moment + weight_moment + arm, atol=1e-4 * scale)
+
+
+def test_written_plainly_it_says_the_same():
+    guess = bvp.solve_cold(ARM[0].cable, tolerance=1e-6)
+    for degrees in (2, 4):
+        cable = arm(np.radians(degrees))
+        plain = bvp_plain.solve(cable, guess, tolerance=1e-8)
+        guess = bvp.solve(cable, guess, tolerance=1e-8)
+        assert plain.converged
+        # both ask for eight digits of the residual
+        assert relative_wrench_error(plain.end_wrench, guess.end_wrench) < 1e-7
+        ends = [plain.force[[0, -1]], plain.moment[[0, -1]]]
+        for one, other in zip(ends, [guess.force[[0, -1]], guess.moment[[0, -1]]], strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-7 * np.abs(other).max())
+
+
+def test_written_plainly_it_says_when_it_fails():
+    guess = bvp.solve_cold(ARM[0].cable, tolerance=1e-3)
+    result = bvp_plain.solve(arm(0.5), guess, tolerance=1e-8, max_nodes=30)
+    assert not result.converged
+    assert np.isnan(result.end_wrench).all()
