@@ -22,7 +22,8 @@ def factor(A, first, last, order, U, pivots):
     """Factor rows first..last-1 of A = L D L^T; returns (negative pivots, smallest |pivot / diagonal|).
 
     Row i of U receives L^T from the diagonal on: U[i, m] = L[i + m, i]. The unknowns come three a node and
-    the nodes `order` an element, so that a row reaches to its element's end and no further.
+    the nodes `order` an element, so that a row reaches to its element's end and no further; `first` and
+    `last` are whole nodes, which are eliminated one after the other.
     """
     band = A.shape[1] - 1
     negative = 0
@@ -30,35 +31,53 @@ def factor(A, first, last, order, U, pivots):
     for i in range(first, last):
         for m in range(reach(i, order, last) - i):
             U[i, m] = A[i + m, band - m]
-    for i in range(first, last):
-        width = reach(i, order, last) - i
-        d = U[i, 0]
-        pivots[i] = d
-        inverse = 1.0 / d
-        for m in range(1, width):
-            v = U[i, m] * inverse
-            for k in range(width - m):
-                U[i + m, k] -= v * U[i, m + k]
-        for m in range(1, width):
-            U[i, m] *= inverse
-        if d < 0.0:
-            negative += 1
-        worst = min(worst, abs(d) / (abs(A[i, band]) + 1e-300))
+    for i in range(first, last, 3):
+        end = reach(i, order, last)
+        d0 = U[i, 0]
+        v0 = U[i, 1] / d0
+        for k in range(end - i - 1):
+            U[i + 1, k] -= v0 * U[i, 1 + k]
+        d1 = U[i + 1, 0]
+        v0, v1 = U[i, 2] / d0, U[i + 1, 1] / d1
+        for k in range(end - i - 2):
+            U[i + 2, k] -= v0 * U[i, 2 + k] + v1 * U[i + 1, 1 + k]
+        d2 = U[i + 2, 0]
+        for m in range(3, end - i):
+            v0, v1, v2 = U[i, m] / d0, U[i + 1, m - 1] / d1, U[i + 2, m - 2] / d2
+            for k in range(end - i - m):
+                U[i + m, k] -= v0 * U[i, m + k] + v1 * U[i + 1, m - 1 + k] + v2 * U[i + 2, m - 2 + k]
+        for j in range(i, i + 3):
+            d = U[j, 0]
+            pivots[j] = d
+            inverse = 1.0 / d
+            for m in range(1, end - j):
+                U[j, m] *= inverse
+            if d < 0.0:
+                negative += 1
+            worst = min(worst, abs(d) / (abs(A[j, band]) + 1e-300))
     return negative, worst
 
 
 @njit(**OPTIONS)
 def solve(U, pivots, first, last, order, x):
-    """Solve L D L^T x = x in place, rows first..last-1 of x (n,)."""
+    """Solve L D L^T x = x in place, rows first..last-1 of x (n,); node by node, as `factor`."""
+    for i in range(first, last, 3):
+        v0 = x[i]
+        v1 = x[i + 1] - U[i, 1] * v0
+        v2 = x[i + 2] - U[i, 2] * v0 - U[i + 1, 1] * v1
+        x[i + 1], x[i + 2] = v1, v2
+        for m in range(3, reach(i, order, last) - i):
+            x[i + m] -= U[i, m] * v0 + U[i + 1, m - 1] * v1 + U[i + 2, m - 2] * v2
     for i in range(first, last):
-        v = x[i]
-        for m in range(1, reach(i, order, last) - i):
-            x[i + m] -= U[i, m] * v
-    for i in range(last - 1, first - 1, -1):
-        s = x[i] / pivots[i]
-        for m in range(1, reach(i, order, last) - i):
-            s -= U[i, m] * x[i + m]
-        x[i] = s
+        x[i] /= pivots[i]
+    for i in range(last - 3, first - 1, -3):
+        v0, v1, v2 = x[i], x[i + 1], x[i + 2]
+        for m in range(3, reach(i, order, last) - i):
+            v0 -= U[i, m] * x[i + m]
+            v1 -= U[i + 1, m - 1] * x[i + m]
+            v2 -= U[i + 2, m - 2] * x[i + m]
+        v1 -= U[i + 1, 1] * v2
+        x[i], x[i + 1], x[i + 2] = v0 - U[i, 1] * v1 - U[i, 2] * v2, v1, v2
 
 
 @njit(**OPTIONS)
