@@ -147,7 +147,7 @@ class Follower:
             return self._cold(kinematics, joints, poses, begin, hint)
         if isinstance(rod, TouchingRod):
             rod.patience = PATIENCE
-        if np.abs(joints - self._joints).max(initial=0.0) > self._longest:
+        if _farthest(joints, self._joints) > self._longest:
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
         obstacles = self._placed(kinematics, joints, poses)
@@ -368,6 +368,14 @@ class Follower:
     def failed(self, status: Status, message: str, solve_time: float) -> Equilibrium:
         """A result without numbers."""
         return results.failed(status, message, solve_time, self.polyline_points)
+
+
+def _farthest(a: np.ndarray, b: np.ndarray) -> float:
+    """Largest difference of two arrays (n,); in Python, which is quicker for a few joints."""
+    out = 0.0
+    for x, y in zip(a.tolist(), b.tolist(), strict=True):
+        out = max(out, abs(x - y))
+    return out
 
 
 def _choice(chosen: Found, found: list[Found]) -> str:

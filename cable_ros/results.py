@@ -26,8 +26,7 @@ def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarr
     `rod` is at an equilibrium with the end force F (3,), in units of the cable.
     """
     end, start = np.empty(6), np.empty(6)
-    # `wrenches` adds what the start clamp bears beyond the end's
-    compiled.wrenches(F, rod.f + rod.held(), rod.qe, rod.g, unit.force, unit.moment, end, start)
+    compiled.wrenches(F, rod.f, rod.held(), rod.qe, rod.g, unit.force, unit.moment, end, start)
     return end, start
 
 

@@ -145,11 +145,13 @@ class Tracker:
         """
         begin = time.perf_counter()
         try:
-            values = np.array([float(joints[name]) for name in self.joint_names])
+            numbers = [float(joints[name]) for name in self.joint_names]
         except (KeyError, TypeError, ValueError):
             return self._invalid(self._fault(joints), begin)
-        if not (np.abs(values) <= ABSURD).all():
-            return self._invalid(self._fault(joints), begin)
+        for number in numbers:
+            if not -ABSURD <= number <= ABSURD:
+                return self._invalid(self._fault(joints), begin)
+        values = np.array(numbers)
         out = {}
         poses = self.kinematics.poses(values)
         for i, follower in enumerate(self._followers):

@@ -33,7 +33,7 @@ class Kinematics:
             [mount.link for mount in mounts],
             np.array([np.concatenate([m.position, m.orientation]) for m in mounts]),
         )
-        self._shape = (len(scene.cables), 2)
+        self._shape = (len(scene.cables), 2, 7)
         self._obstacles = _Frames(
             [o.link for o in scene.obstacles], np.tile(_IDENTITY, (len(scene.obstacles), 1))
         )
@@ -92,7 +92,7 @@ class Kinematics:
         Returns:
             (n_cables, 2, 7): cable, start or end, position [m] and quaternion x y z w.
         """
-        return self._update(self._clamps, q).reshape(*self._shape, 7).copy()
+        return self._update(self._clamps, q).reshape(self._shape).copy()
 
     def jacobians(self, q: np.ndarray) -> np.ndarray:
         """Velocity of each clamp per joint rate.
@@ -104,7 +104,7 @@ class Kinematics:
             (n_cables, 2, 6, n_joints): velocity of the clamp point, then angular velocity, both along
             the world's axes.
         """
-        return self._jacobians(self._clamps, q).reshape(*self._shape, 6, len(self.joint_names))
+        return self._jacobians(self._clamps, q).reshape(*self._shape[:2], 6, len(self.joint_names))
 
     def obstacle_poses(self, q: np.ndarray) -> np.ndarray:
         """World poses (n_obstacles, 7) of the links that carry the obstacles; the identity for the world.

@@ -11,16 +11,21 @@ from cable_ros.compilation import njit
 from cable_ros.mechanics.kernels import increments, second, section, tangent_derivative
 from cable_ros.solve import banded
 from cable_ros.statics.saddle import border_step, end_rows, solve3
+from cable_ros.statics.units import norm3, relative_change
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+STIR = 0.03
+"""So much of what has nothing to do with the last softest mode is in the start of the search for the next."""
+
 
 @njit(**OPTIONS)
-def margin(elastic, V, rows, order, L, pivots, Y, S, mode, repeats):
+def margin(elastic, V, rows, order, L, pivots, Y, S, mode, waves, repeats):
     """Smallest eigenvalue of H v = lambda D v on the tangent space, D elastic, by inverse iteration.
 
-    `mode` (3n,) is the start and receives the eigenvector; ends when the value changes by less than 1e-4 of
-    itself. Only for a factored strict minimum.
+    `mode` (3n,) is the start, mixed with a little of `waves` (3n,) so that no symmetry hides a mode, and
+    receives the eigenvector; ends when the value changes by less than 1e-4 of itself. Only for a factored
+    strict minimum.
     """
     n = mode.shape[0]
     x = np.empty(n)
@@ -28,8 +33,10 @@ def margin(elastic, V, rows, order, L, pivots, Y, S, mode, repeats):
     zero = np.zeros(rows)
     dF = np.empty(rows)
     value = np.inf
+    for i in range(n):
+        mode[i] += STIR * waves[i]
+    banded.multiply(elastic, mode, y)
     for _ in range(repeats):
-        banded.multiply(elastic, mode, y)
         for i in range(n):
             y[i] = -y[i]
         border_step(y, zero, V, rows, order, L, pivots, Y, S, x, dF)
@@ -44,6 +51,7 @@ def margin(elastic, V, rows, order, L, pivots, Y, S, mode, repeats):
         scale = 1.0 / np.sqrt(norm2)
         for i in range(n):
             mode[i] = scale * x[i]
+            y[i] *= scale
         if abs(before - value) <= 1e-4 * abs(value):
             break
     return value
@@ -63,16 +71,17 @@ def error(
     (rows, 3), which is now at `coarse` (elements + 1, 3). `shares` (elements,) receives each element's part
     in energy norm squared, for refinement.
     """
-    N, dN, N3, dN3, points, weights = fine
+    N, dN, _, _, points, weights = fine
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     n = 3 * q.shape[0]
     kappa, moment, t, G = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     qs, ds, gq, gd = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    D = np.empty((8, nd))
     Db = np.empty((8, 3))
     frame = np.empty((4, nd))
     middle = np.empty((4, 3))
+    # by the nodal quaternions themselves, summed over the points: rows of Hbc, then the gradient
+    sums = np.empty((order + 1, 16))
     H = np.empty((8, 8))
     k8 = np.empty((3, 8))
     Z = np.empty((3, 8))
@@ -80,7 +89,7 @@ def error(
     Hbc = np.empty((3, nd))
     Cb = np.zeros((3, 3))
     rb = np.empty(3)
-    x = np.empty(3)
+    strain, x = np.empty(3), np.empty(3)
     c = np.zeros(rows)
     for a in range(3):
         c[a] = -re[a]
@@ -93,7 +102,7 @@ def error(
             for b in range(3):
                 middle[a, b] = frame[a, j + b]
         Hbb[:] = 0.0
-        Hbc[:] = 0.0
+        sums[:] = 0.0
         Cb[:] = 0.0
         rb[:] = 0.0
         for k in range(N.shape[0]):
@@ -101,13 +110,11 @@ def error(
                 qs[a] = 0.0
                 ds[a] = 0.0
             for i in range(order + 1):
+                v, d = N[k, i], dN[k, i] / h[e]
                 for a in range(4):
-                    qs[a] += N[k, i] * q[first + i, a]
-                    ds[a] += dN[k, i] / h[e] * q[first + i, a]
+                    qs[a] += v * q[first + i, a]
+                    ds[a] += d * q[first + i, a]
             for a in range(4):
-                for j in range(nd):
-                    D[a, j] = N3[k, j] * frame[a, j]
-                    D[4 + a, j] = dN3[k, j] / h[e] * frame[a, j]
                 for b in range(3):
                     Db[a, b] = bubble[0, k] * middle[a, b]
                     Db[4 + a, b] = bubble[1, k] / h[e] * middle[a, b]
@@ -117,21 +124,17 @@ def error(
             norm, T, mk = section(qs, ds, K, kappa0, G, kappa, moment, t, gq, gd)
             wh = weights[k] * h[e]
             second(qs, ds, K, G, kappa, moment, gq, gd, norm, T, mk, wh, k8, H)
-            for a in range(8):
-                for b in range(8):
-                    H[a, b] += (
-                        K[0] * k8[0, a] * k8[0, b] + K[1] * k8[1, a] * k8[1, b] + K[2] * k8[2, a] * k8[2, b]
-                    )
             for b in range(3):
-                for a in range(8):
+                for i in range(3):
                     v = 0.0
+                    for a in range(8):
+                        v += k8[i, a] * Db[a, b]
+                    strain[i] = K[i] * v
+                for a in range(8):
+                    v = strain[0] * k8[0, a] + strain[1] * k8[1, a] + strain[2] * k8[2, a]
                     for i in range(8):
                         v += Db[i, b] * H[i, a]
                     Z[b, a] = v
-                for a in range(8):
-                    v = Z[b, a]
-                    for j in range(nd):
-                        Hbc[b, j] += v * D[a, j]
                 for b2 in range(3):
                     v = 0.0
                     for a in range(8):
@@ -144,11 +147,22 @@ def error(
             tangent_derivative(qs, t, 2.0 * wh / norm, Db, Cb, 0, 3)
             for a in range(3):
                 c[a] += wh * t[a]
-            for j in range(nd):
-                v = 0.0
+            for i in range(order + 1):
+                v, d = N[k, i], dN[k, i] / h[e]
                 for a in range(4):
-                    v += D[a, j] * gq[a] + D[4 + a, j] * gd[a]
-                residual[3 * first + j] += wh * v
+                    for b in range(3):
+                        sums[i, 4 * b + a] += v * Z[b, a] + d * Z[b, 4 + a]
+                    sums[i, 12 + a] += wh * (v * gq[a] + d * gd[a])
+        for i in range(order + 1):
+            for j in range(3 * i, 3 * i + 3):
+                for b in range(4):
+                    v = 0.0
+                    for a in range(4):
+                        v += sums[i, 4 * b + a] * frame[a, j]
+                    if b < 3:
+                        Hbc[b, j] = v
+                    else:
+                        residual[3 * first + j] += v
         solve3(Hbb, rb, x)
         shares[e] = abs(rb[0] * x[0] + rb[1] * x[1] + rb[2] * x[2])
         for b in range(3):
@@ -169,3 +183,12 @@ def error(
         out[a] = dF[a]
         out[3 + a] = residual[n - 3 + a] + change[a] - g[q.shape[0] - 1, a]
     return out
+
+
+@njit(**OPTIONS)
+def relative_error(change, F, moment, shares, least):
+    """The estimated relative error of an end wrench F (3,), `moment` (3,) from what `error` found."""
+    signed = relative_change(change, np.concatenate((F, moment)), least)
+    # the signed change can cancel; the energy that a finer mesh would set free cannot
+    size = max(norm3(moment), np.sqrt(norm3(F)), least)
+    return max(signed, 0.5 * shares.sum() / size)

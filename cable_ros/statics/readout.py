@@ -12,17 +12,18 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**OPTIONS)
-def wrenches(F, f, qe, g, force, moment, end_wrench, start_wrench):
+def wrenches(F, f, held, qe, g, force, moment, end_wrench, start_wrench):
     """End and start wrench (6,) in SI: what the cable exerts on the bodies, in the clamps' frames.
 
-    `g` (n, 3): the gradient at the equilibrium; its end rows are the moments of the clamps on the cable.
+    `held` (3,): as `Rod.held`; `g` (n, 3): the gradient at the equilibrium, whose end rows are the moments of
+    the clamps on the cable.
     """
     Fb = quaternion.rotate(quaternion.conjugate(qe), F)
     last = g.shape[0] - 1
     for a in range(3):
         end_wrench[a] = -force * Fb[a]
         end_wrench[3 + a] = -moment * g[last, a]
-        start_wrench[a] = force * (F[a] + f[a])
+        start_wrench[a] = force * (F[a] + f[a] + held[a])
         start_wrench[3 + a] = -moment * g[0, a]
 
 

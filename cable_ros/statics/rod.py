@@ -13,13 +13,13 @@ from cable_ros.solve import banded
 from cable_ros.solve.trust_region import Options, minimize
 from cable_ros.statics import compiled, saddle
 from cable_ros.statics.response import clamp_response
-from cable_ros.statics.units import relative_change
 
 ORDER = 6
 """Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
 
-REFRESH = 0.03
-"""Factors, stability margin and error estimate are renewed when a section has turned this far, rad, since."""
+REFRESH, OFF = 0.05, 0.1
+"""Factors, stability margin and error estimate are renewed when a section has turned this far, rad, since;
+sooner where the margin, going on to change as it last did, would be off by more than this part of itself."""
 NOTHING = np.zeros(3)
 NO_LINES, NO_ELEMENTS = np.zeros((0, 3)), np.zeros(0, np.int64)
 """For `compiled.error`: nothing is touched."""
@@ -65,7 +65,14 @@ class Rod:
         self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
         self.shares = np.zeros(elements)
         self.mode = np.zeros(n)
-        self.drift = np.inf
+        self._waves: np.ndarray | None = None
+        self.drift, self.age, self.refresh = np.inf, np.inf, REFRESH
+        self.margin = np.nan
+        # the last equilibria of `advance` on this mesh: the latest itself, how many, and all of them
+        self.latest: np.ndarray | None = None
+        self.known = 0
+        self.shapes, self.forces = np.zeros((3, nodes, 4)), np.zeros((3, 3))
+        self.places = np.zeros((3, 10))
         self._normal: tuple[np.ndarray, np.ndarray] | None = None
 
     def set_conditions(
@@ -103,6 +110,7 @@ class Rod:
 
     def _gradient(self, q: np.ndarray, F: np.ndarray) -> None:
         N, dN, _, _, points, weights = self.tables
+        self.latest = None
         self.acc[:] = 0.0
         gradient(q, compiled.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0, N, dN, points,
                  weights, self.acc, self.g, self.radial, self.totals)  # fmt: skip
@@ -186,13 +194,19 @@ class Rod:
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One warm-started solve, see `compiled.advance`; returns code, iterations and the new (q, F)."""
         q_new, F_new = np.empty_like(q), np.empty(3)
-        code, iterations, self.drift = compiled.advance(
+        known = self.known if q is self.latest else 0
+        code, iterations, self.age, fresh = compiled.advance(
             q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables,
             self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.Y, self.S,
-            self.acc, self.g, self.radial, self.totals, tolerance, limit, self.drift, REFRESH, q_new, F_new,
+            self.acc, self.g, self.radial, self.totals,
+            known, self.shapes, self.forces, self.places, tolerance, limit, self.drift, self.refresh,
+            q_new, F_new,
         )  # fmt: skip
+        self.latest, self.known = None, 0
+        self.drift = 0.0 if fresh else self.age
         if code == compiled.ADVANCED:
             self.set_conditions(qe, re, f)
+            self.latest, self.known = q_new, min(known + 1, 3)
         return code, iterations, q_new, F_new
 
     def stability_margin(self) -> float:
@@ -201,10 +215,26 @@ class Rod:
         The rod must be factored at a strict minimum; the eigenvector found last is the start of the next
         search.
         """
-        if not self.mode.any():
-            self.mode[3:-3] = np.random.default_rng(0).normal(size=len(self.mode) - 6)
-        return compiled.margin(self.elastic, self.C, 3, self.mesh.element.order, self.L, self.pivots,
-                               self.Y, self.S, self.mode, 50)  # fmt: skip
+        margin = self._softest()
+        change = abs(margin - self.margin)
+        self.refresh = REFRESH
+        if change > 0.0 and self.age < np.inf:
+            self.refresh = min(REFRESH, OFF * margin * self.age / change)
+        self.margin = margin
+        return margin
+
+    def _softest(self) -> float:
+        return float(compiled.margin(self.elastic, self.C, 3, self.mesh.element.order, self.L, self.pivots,
+                                     self.Y, self.S, self.mode, self.waves(), 50))  # fmt: skip
+
+    def waves(self) -> np.ndarray:
+        """(3n,) some rotation of the sections that is smooth and zero at the clamps; elastic energy 1/2."""
+        if self._waves is None:
+            waves = np.sin(np.pi * np.outer(self.mesh.nodes, np.arange(1, 5)))
+            waves = (waves @ np.random.default_rng(0).normal(size=(4, 3))).ravel()
+            waves[:3] = waves[-3:] = 0.0
+            self._waves = waves / self.norm(waves)
+        return self._waves
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Derivative (12, 12) of the clamps' wrenches by their motions; see `response.clamp_response`."""
@@ -226,7 +256,5 @@ class Rod:
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Estimated relative error of the end wrench; see `units.relative_change`."""
-        change = relative_change(self.wrench_error(q, F), np.concatenate([F, self.g[-1]]), self.least)
-        # the signed change can cancel; the energy that a finer mesh would set free cannot
-        moment = max(float(np.linalg.norm(self.g[-1])), float(np.linalg.norm(F)) ** 0.5, self.least)
-        return max(change, 0.5 * float(self.shares.sum()) / moment)
+        change = self.wrench_error(q, F)
+        return float(compiled.relative_error(change, F, self.g[-1], self.shares, self.least))

@@ -15,7 +15,7 @@ from cable_ros.mechanics.elements import Mesh, Sampling
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.response import clamp_response
-from cable_ros.statics.rod import REFRESH, Rod
+from cable_ros.statics.rod import Rod
 from cable_ros.statics.stretching_kernels import (
     advance_stretching,
     moments,
@@ -91,13 +91,14 @@ class StretchingRod(Rod):
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         q_new, F_new = np.empty_like(q), np.empty(3)
-        code, iterations, self.drift = advance_stretching(
+        code, iterations, self.age, fresh = advance_stretching(
             q, F, qe, re, f, self.K, self.natural, self.compliance, self.h, self.s0, self.tables,
             self.elastic, self.geometric, self.parts, self.C, self.reach,
             self.A, self.L, self.pivots, self.Y, self.S,
             self.acc, self.g, self.radial, self.totals, self.stretch,
-            tolerance, limit, self.drift, REFRESH, q_new, F_new,
+            tolerance, limit, self.drift, self.refresh, q_new, F_new,
         )  # fmt: skip
+        self.drift = 0.0 if fresh else self.age
         if code == compiled.ADVANCED:
             self.set_conditions(qe, re, f)
         return code, iterations, q_new, F_new

@@ -88,11 +88,11 @@ def advance_stretching(
             elastic, geometric, parts, C, reach, acc, g, radial, totals, stretch, renew,
         )  # fmt: skip
         if iteration > 1 and size * rate <= tolerance:
-            return ADVANCED, iteration - 1, drift
+            return ADVANCED, iteration - 1, drift, fresh
         if renew:
             if not stretch_factor(elastic, geometric, C, reach, 0.0, order, A, L, pivots, Y, S):
-                return NOT_CONVEX, iteration, drift
-            fresh, drift = True, 0.0
+                return NOT_CONVEX, iteration, drift, fresh
+            fresh = True
         for a in range(3):
             c[a] = totals[a] - re[a]
         if iteration == 0:
@@ -103,7 +103,7 @@ def advance_stretching(
                 s[n - 3 + k] = theta[k]
         moved = largest(s)
         if not moved <= limit:
-            return TOO_FAR, iteration, drift
+            return TOO_FAR, iteration, drift, fresh
         quaternion.retract(q_new, s, q_new)
         close(q_new, qe)
         force, change = 1e-3, 0.0
@@ -116,10 +116,10 @@ def advance_stretching(
             drift += new
         else:
             if iteration > 1 and fresh and not new <= 0.5 * size:
-                return NOT_CONTRACTING, iteration, drift
-            rate = max(min(new / size, 1.0) if iteration > 1 else 0.0, drift, 1e-3)
+                return NOT_CONTRACTING, iteration, drift, fresh
+            rate = max(min(new / size, 1.0) if iteration > 1 else 0.0, 0.0 if fresh else drift, 1e-3)
         size = new
-    return NOT_CONTRACTING, iteration, drift
+    return NOT_CONTRACTING, iteration, drift, fresh
 
 
 @njit(**OPTIONS)

@@ -14,7 +14,7 @@ from cable_ros.statics import compiled
 from cable_ros.statics.descent import descend, give_way
 from cable_ros.statics.friction_kernels import FRICTIONLESS, SLIDING
 from cable_ros.statics.response import border_response
-from cable_ros.statics.rod import REFRESH, Rod
+from cable_ros.statics.rod import Rod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.touch_meshes import fitted, suited
 from cable_ros.statics.touch_points import (
@@ -228,6 +228,7 @@ class TouchingRod(Rod):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One solve with contact points, from the equilibrium (q, F) with its own; see `touch_step.touch`."""
         kept, sense, mesh = self.state(), self.sense, self.mesh
+        self.latest = None  # the gradient will be another's
         Y, S = (self.borders, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
         if remesh and self.model == SLIDING:
             q, F = self._reverse(q, F, re, tolerance, limit)
@@ -259,8 +260,8 @@ class TouchingRod(Rod):
             self.sense, self.ready = sense, False
             return compiled.NOT_CONTRACTING, iterations, q_new, F_new
         self.set_conditions(qe, re, f, obstacles)
-        turned = self.drift + 2.0 * float(np.abs(q_new - q).max())
-        self.drift = turned if known and turned < REFRESH else 0.0
+        self.age = self.drift + 2.0 * float(np.abs(q_new - q).max())
+        self.drift = self.age if known and self.age < self.refresh else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         if moved and remesh:
             return self._remesh(q_new, F_new, iterations, tolerance)
@@ -336,14 +337,12 @@ class TouchingRod(Rod):
 
     # what a solution says
 
-    def stability_margin(self) -> float:
+    def _softest(self) -> float:
         if not self.count:
-            return super().stability_margin()
-        if not self.mode.any():
-            self.mode[3:-3] = np.random.default_rng(0).normal(size=len(self.mode) - 6)
+            return super()._softest()
         return float(compiled.margin(
             self.elastic, self.V, self.rows, self.mesh.element.order, self.L, self.pivots, self.borders,
-            self.complement, self.mode, 50,
+            self.complement, self.mode, self.waves(), 50,
         ))  # fmt: skip
 
     def snapshot(self) -> Callable[[], Rod]:
