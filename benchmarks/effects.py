@@ -1,11 +1,12 @@
 """What temperature, stretch and a natural curvature do to the arm's end force; docs/effects.png.
 
-python benchmarks/effects.py [FILE.png]
+python benchmarks/effects.py --out docs/effects.png
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -42,7 +43,12 @@ def end_force(scene: str, environment: dict[str, float] | None = None, **fields:
     return np.array(forces)
 
 
-def main(file: str) -> None:
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("docs/effects.png"))
+    file = parser.parse_args().out
     figure, panels = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
     for temperature in (100.0, 20.0, -50.0, -100.0, -150.0):
         panels[0].plot(
@@ -70,4 +76,4 @@ def main(file: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "docs/effects.png")
+    main()

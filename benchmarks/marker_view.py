@@ -1,12 +1,13 @@
 """Draws what cable_node publishes on ~/markers, as RViz and Foxglove would, into docs/markers.png.
 
-    python benchmarks/marker_view.py
+    python benchmarks/marker_view.py --out docs/markers.png
 
 The node runs on the scene with the ball; the pictures are made of the messages that it sends.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
 import os
 import random
@@ -35,7 +36,6 @@ from cable_ros.mechanics.quaternion import matrices_from_ros
 from cable_ros.share import share_file
 
 ANGLES = (30.0, 60.0, 75.0)  # degrees
-OUT = Path(__file__).parents[1] / "docs" / "markers.png"
 LIGHT = np.array([0.4, -0.5, 0.77])
 
 
@@ -128,6 +128,11 @@ def draw(ax: plt.Axes, markers: dict[tuple[str, int], Marker]) -> None:
 
 def main() -> None:
     """Start the node, move its joint, draw."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("docs/markers.png"))
+    out = parser.parse_args().out
     with tempfile.TemporaryDirectory() as folder:
         os.environ["ROS_LOG_DIR"] = folder
         scene = share_file("config", "space_arm_sphere.yaml")
@@ -152,8 +157,8 @@ def main() -> None:
                 ax.view_init(elev=18, azim=-50)
                 ax.locator_params(nbins=4)
             figure.subplots_adjust(left=0.0, right=0.96, bottom=0.04, top=1.0, wspace=0.12)
-            figure.savefig(OUT, dpi=90)
-            print(f"{OUT}: {', '.join(sorted({ns for ns, _ in view.markers}))}")
+            figure.savefig(out, dpi=90)
+            print(f"{out}: {', '.join(sorted({ns for ns, _ in view.markers}))}")
         finally:
             process.terminate()
             process.wait(20)
