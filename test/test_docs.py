@@ -20,10 +20,17 @@ def _found(pattern: str, commands: bool = False) -> list[tuple[str, str]]:
     """(page, match) of all pages, or of the shell commands that they show, each once."""
     texts = {page.name: page.read_text(encoding="utf-8") for page in FILES}
     if commands:
-        blocks = r"^```(?:bash|sh|console)\n(.*?)^```"
-        texts = {name: "\n".join(re.findall(blocks, text, re.M | re.S)) for name, text in texts.items()}
+        texts = {name: _commands(text) for name, text in texts.items()}
     matches = ((name, match) for name, text in texts.items() for match in re.findall(pattern, text, re.M))
     return list(dict.fromkeys(matches))
+
+
+def _commands(text: str) -> str:
+    """What a page shows of a shell, in fences or indented."""
+    fences = re.compile(r"^```(\w*)\n(.*?)^```", re.M | re.S)
+    fenced = [code for language, code in fences.findall(text) if language in ("bash", "sh", "console")]
+    indented = re.findall(r"^    (?:\$ )?(.*)$", fences.sub("", text), re.M)
+    return "\n".join([*fenced, *indented])
 
 
 @pytest.mark.parametrize(("page", "target"), _found(r"\]\(([^)#:]+)[^)]*\)"))
