@@ -188,7 +188,7 @@ def wrench_figure(
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write the figure as PNG; the folder is made where it is missing."""
+    """Write the figure, as the suffix says; the folder is made where it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with _style():
         figure.savefig(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -45,4 +46,16 @@ def share_file(*parts: str) -> Path:
     if not path.is_file():
         there = ", ".join(sorted(p.name for p in path.parent.glob("*"))) or "nothing"
         raise FileNotFoundError(f"{path} does not exist; in {path.parent} there is: {there}")
+    return path
+
+
+def scene_path(name: str) -> Path:
+    """Path of a scene; a bare name that is not in the working directory is sought among the installed ones.
+
+    What is in neither place keeps its name, for whoever reads it to complain of.
+    """
+    path = Path(os.path.expanduser(name))
+    if name and not os.path.exists(path) and path.name == name:
+        with contextlib.suppress(FileNotFoundError):
+            return share_file("config", name)
     return path

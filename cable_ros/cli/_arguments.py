@@ -10,6 +10,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from cable_ros.share import scene_path
+
 MOST_VALUES = 10_000_000  # of one range; more is a mistyped step
 
 
@@ -33,9 +35,15 @@ def add_command(
     )
 
 
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """SCENE."""
+    what = "scene file (YAML); a bare name is also sought among the installed scenes"
+    parser.add_argument("scene", metavar="SCENE", type=scene_path, help=what)
+
+
 def add_pose(parser: argparse.ArgumentParser) -> None:
     """SCENE, and --joint for each of its joints."""
-    parser.add_argument("scene", metavar="SCENE", help="scene file (YAML)")
+    add_scene(parser)
     parser.add_argument(
         "--joint",
         metavar="NAME=VALUE",
@@ -115,6 +123,13 @@ def process_count(text: str) -> int:
     """A whole number from 1 on."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number of processes, such as 4")
+    return int(text)
+
+
+def count(text: str) -> int:
+    """A whole number from 0 on."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 0 on, such as 100")
     return int(text)
 
 

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from cable_ros.cli._arguments import count, relative_tolerance
+
 EXAMPLE = """examples:
   cable bench robustness --cases 10000 --seed 1
   cable bench robustness --seed 1 --only cold:4711       one case of a run again
@@ -23,18 +25,24 @@ def add_parser(benchmarks: argparse._SubParsersAction[Any]) -> None:
         epilog=EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--cases", type=int, default=1000, metavar="N", help="cold cases (default 1000)")
-    parser.add_argument("--steps", type=int, metavar="N", help="tracked steps (default: as many as cases)")
+    parser.add_argument("--cases", type=count, default=1000, metavar="N", help="cold cases (default 1000)")
+    parser.add_argument("--steps", type=count, metavar="N", help="tracked steps (default: as many as cases)")
     parser.add_argument(
-        "--contacts", type=int, default=0, metavar="N", help="scenes with obstacles, 5 poses each (default 0)"
+        "--contacts",
+        type=count,
+        default=0,
+        metavar="N",
+        help="scenes with obstacles, 5 poses each (default 0)",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="which random cases (default 0)")
-    parser.add_argument("--tolerance", type=float, default=1e-4, metavar="T", help="asked for (default 1e-4)")
+    parser.add_argument("--seed", type=count, default=0, metavar="S", help="which random cases (default 0)")
+    parser.add_argument(
+        "--tolerance", type=relative_tolerance, default=1e-4, metavar="T", help="asked for (default 1e-4)"
+    )
     parser.add_argument(
         "--only", metavar="KIND:INDEX", help="a single case, such as cold:17, tracked:3 or contact:8"
     )
     parser.add_argument(
-        "--baselines", type=int, default=0, metavar="N", help="also solve the first N cold cases by those"
+        "--baselines", type=count, default=0, metavar="N", help="also solve the first N cold cases by those"
     )
     parser.add_argument(
         "--zoo", type=Path, metavar="FILE", help="run the named cases (CASES) of a Python file instead"

@@ -11,6 +11,7 @@ import numpy as np
 
 from cable_ros.cli import _robustness
 from cable_ros.cli._arguments import check_joints, named_range
+from cable_ros.share import scene_path
 
 if TYPE_CHECKING:
     from cable_ros.bench.precision import Row
@@ -44,7 +45,11 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     precision.add_argument(
-        "scene", metavar="SCENE", nargs="?", help="scene file (YAML; default: the space arm)"
+        "scene",
+        metavar="SCENE",
+        type=scene_path,
+        nargs="?",
+        help="scene file (YAML), or the name of an installed one (default: the space arm)",
     )
     precision.add_argument(
         "--joint",

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cable_ros.cli._arguments import add_command, add_pose, joint_values
+from cable_ros.cli._arguments import CommandError, add_command, add_pose, joint_values
 from cable_ros.cli.solve import as_json, engineering
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ EXAMPLE = """example:
 
 Write the total twist of the one that your cable is on into the scene, as total_twist: a cold start then
 finds it."""
+
+PICTURES = (".png", ".pdf", ".svg")
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -37,7 +39,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         metavar="FILE",
         type=Path,
         default=Path("branches.png"),
-        help="picture (default branches.png)",
+        help="picture: .png, .pdf or .svg (default branches.png)",
     )
     parser.add_argument("--json", action="store_true", help="print JSON with the field names of Equilibrium")
 
@@ -46,6 +48,8 @@ def run(args: argparse.Namespace) -> int:
     from cable_ros.branches import branches
     from cable_ros.scene import Kinematics, load_scene
 
+    if args.out.suffix not in PICTURES:
+        raise CommandError(f"--out {args.out}: the name must end in .png, .pdf or .svg")
     scene = load_scene(args.scene)
     joints = joint_values(args.joint, Kinematics(scene).joint_names)
     found = branches(scene, joints)
@@ -78,7 +82,7 @@ def describe(name: str, found: Sequence[Equilibrium]) -> str:
 
 
 def draw(found: Mapping[str, Sequence[Equilibrium]], pose: str, out: Path) -> None:
-    """The shapes of all of them, coloured by energy, as a PNG."""
+    """The shapes of all of them, coloured by energy, as a picture."""
     from cable_ros.plots import Shape, save, shapes_figure
 
     shapes = []

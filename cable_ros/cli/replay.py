@@ -13,6 +13,7 @@ import numpy as np
 
 from cable_ros.arguments import from_zero
 from cable_ros.cli._arguments import CommandError, add_command
+from cable_ros.share import scene_path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +55,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         " as the same machine and versions give it)",
     )
     parser.add_argument(
-        "--with", dest="scene", metavar="SCENE", type=Path, help="solve under this scene instead"
+        "--with", dest="scene", metavar="SCENE", type=scene_path, help="solve under this scene instead"
     )
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for --with (default: the log's)")
 

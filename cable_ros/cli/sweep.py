@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cable_ros.cli._arguments import add_command, add_tolerance, check_joints, named_range, process_count
+from cable_ros.cli._arguments import (
+    add_command,
+    add_scene,
+    add_tolerance,
+    check_joints,
+    named_range,
+    process_count,
+)
 
 if TYPE_CHECKING:
     from cable_ros.scene import Scene
@@ -41,7 +48,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "Solve the product of joint ranges and scene variations, over all cores.",
         EXAMPLE,
     )
-    parser.add_argument("scene", metavar="SCENE", help="scene file (YAML)")
+    add_scene(parser)
     ranges: dict[str, Any] = {"type": named_range, "action": "append", "default": []}
     parser.add_argument(
         "--joint",
@@ -88,7 +95,8 @@ def run(args: argparse.Namespace) -> int:
             progress.update(len(batch))
     seconds = time.monotonic() - begin
     what = ", ".join(f"{number} {name}" for name, number in statuses.most_common())
-    speed = f"{workers} processes, {seconds:.1f} s, {count / seconds:.0f} poses/s"
+    processes = f"{workers} process{'es' if workers > 1 else ''}"
+    speed = f"{processes}, {seconds:.1f} s, {count / seconds:.0f} poses/s"
     print(f"{args.out}: {count} poses, {what}; {speed}")
     return 0
 

@@ -14,7 +14,7 @@ from rclpy.exceptions import InvalidTopicNameException, ParameterException
 from rclpy.parameter import Parameter
 from rclpy.validate_topic_name import validate_topic_name
 
-from cable_ros.share import share_file
+from cable_ros.share import scene_path
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -139,22 +139,16 @@ def refusal(entry: Declaration, value: Any) -> str:
 
 
 def scene_file(value: str) -> Path:
-    """The scene's file; a bare name that is not in the working directory is sought among the installed ones.
+    """The scene's file, as `share.scene_path` finds it.
 
     Raises:
-        ParameterError: there is no such file.
+        ParameterError: nothing is named.
     """
     if not value:
         raise ParameterError(
             "Parameter 'scene' is empty; name a scene file, such as -p scene:=space_arm.yaml"
         )
-    path = Path(os.path.expanduser(value))
-    if not os.path.exists(path) and path.name == value:
-        try:
-            return share_file("config", value)
-        except FileNotFoundError:
-            pass
-    return path
+    return scene_path(value)
 
 
 def validate(parameters: Sequence[Parameter]) -> SetParametersResult:

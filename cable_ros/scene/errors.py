@@ -12,6 +12,7 @@ class SceneError(ValueError):
     def __init__(self, source: str, field: str, message: str) -> None:
         self.source = source
         self.field = field
+        self.message = message
         text = f"{source}: {field}: {message}" if field else f"{source}: {message}"
         super().__init__(" ".join(text.splitlines()))  # names from a file may hold line breaks
 

@@ -34,7 +34,11 @@ def vary(scene: Scene, changes: Mapping[str, float]) -> Scene:
             places, inner = cables, path
         for place in places:
             _replace(place, inner, value, scene.source, path)
-    return load_scene(values, urdf=scene.robot.urdf if scene.robot else None)
+    try:
+        return load_scene(values, urdf=scene.robot.urdf if scene.robot else None)
+    except SceneError as error:
+        varied = ", ".join(f"{path} = {value:g}" for path, value in changes.items())
+        raise SceneError(f"{scene.source} with {varied}", error.field, error.message) from None
 
 
 def _replace(place: Any, path: str, value: float, source: str, whole: str) -> None:

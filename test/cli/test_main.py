@@ -63,6 +63,12 @@ def test_version(capsys):
         (["solve", "no/such/scene.yaml"], "no/such/scene.yaml"),
         (["sweep", "scene.yaml", "--out", "out.csv", "--jobs", "-3"], "not a number of processes"),
         (["sweep", "scene.yaml", "--out", "out.txt"], "must end in .csv, .parquet or .mcap"),
+        (
+            ["sweep", "space_arm.yaml", "--out", "out.csv", "--vary", "length=-1"],
+            "length = -1: cables[0].length",
+        ),
+        (["branches", "space_arm.yaml", "--out", "out.doc"], "must end in .png, .pdf or .svg"),
+        (["bench", "robustness", "--cases", "-1"], "not a whole number from 0 on"),
         (["plot", "no/such/log.mcap"], "there is no such file"),
         (["plot", __file__], "name a log (.mcap)"),
         (["log", "recover", __file__], "name a log (.mcap)"),

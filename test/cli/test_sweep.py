@@ -95,6 +95,18 @@ def test_unknown_suffix(tmp_path, capsys, fixed):
     assert ".csv, .parquet or .mcap" in capsys.readouterr().err
 
 
+def test_an_installed_scene_needs_no_path(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert (
+        main(["sweep", "space_arm.yaml", "--joint", "orientation=0", "--out", "arm.csv", "--jobs", "1"]) == 0
+    )
+    assert "1 CONVERGED; 1 process," in capsys.readouterr().out
+    # one beside the user comes first
+    (tmp_path / "space_arm.yaml").write_text("")
+    assert main(["sweep", "space_arm.yaml", "--joint", "orientation=0", "--out", "arm.csv"]) == 2
+    assert "the file is empty" in capsys.readouterr().err
+
+
 def test_grid_has_its_columns_in_the_tracker_s_order():
     ranges = [("slow", np.array([1.0, 2.0])), ("fast", np.array([5.0, 6.0, 7.0]))]
     paths = grid(ranges, ("fast", "slow"))
