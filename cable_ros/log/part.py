@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.writer import CompressionType, Writer
-
 from cable_ros.log import bag
 from cable_ros.log.definitions import message_definition, type_hash
 from cable_ros.log.errors import LogError, describe
+from cable_ros.log.mcap_writer import McapWriter
 from cable_ros.log.unfinished import UnfinishedFile
 
 END_RECORD = "cable_ros_log_end"
@@ -47,8 +46,8 @@ class Part:
 
     def __init__(self, path: Path, contents: Contents, chunk_bytes: int) -> None:
         self.file = UnfinishedFile(path, chunk_bytes)
-        self._writer = Writer(self.file.stream, chunk_size=chunk_bytes, compression=CompressionType.ZSTD)
-        self._summary = bag.BagSummary()
+        self._writer = McapWriter(self.file.stream, chunk_bytes)
+        self._topics: dict[int, bag.BagTopic] = {}
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         try:
@@ -78,7 +77,6 @@ class Part:
         if channel is None:
             channel = self._add_channel(topic)
         self._writer.add_message(channel, log_time, cdr, publish_time, sequence)
-        self._summary.count(topic.name, log_time)
 
     def _add_channel(self, topic: Topic) -> int:
         schema = self._schemas.get(topic.type_name)
@@ -90,9 +88,7 @@ class Part:
         metadata = {"offered_qos_profiles": topic.offered_qos, "topic_type_hash": hash_}
         channel = self._writer.register_channel(topic.name, "cdr", schema, metadata)
         self._channels[topic.name] = channel
-        self._summary.topics[topic.name] = bag.TopicCount(
-            topic.name, topic.type_name, topic.offered_qos, hash_
-        )
+        self._topics[channel] = bag.BagTopic(topic.name, topic.type_name, topic.offered_qos, hash_)
         return channel
 
     def close_chunk(self) -> None:
@@ -101,7 +97,9 @@ class Part:
 
     def finish(self, dropped: int) -> None:
         """Index, footer, then its own name; `dropped` is how many messages the log lacks so far."""
+        self._writer.flush()
         self._writer.add_metadata(END_RECORD, {"dropped": str(dropped)})
-        self._writer.add_metadata(bag.RECORD, {bag.KEY: self._summary.serialized(self.file.path.name)})
+        text = bag.metadata_text(self.file.path.name, self._topics, self._writer.statistics)
+        self._writer.add_metadata(bag.RECORD, {bag.KEY: text})
         self._writer.finish()
         self.file.finish()

@@ -9,10 +9,10 @@ from typing import IO
 from mcap import records
 from mcap.reader import SeekingReader
 from mcap.summary import Summary
-from mcap.writer import CompressionType, Writer
 
 from cable_ros.log import bag
 from cable_ros.log.errors import LogError, describe
+from cable_ros.log.mcap_writer import McapWriter
 from cable_ros.log.records import Damage, has_magic, whole_records
 from cable_ros.log.unfinished import SUFFIX, UnfinishedFile
 
@@ -98,8 +98,8 @@ class _Copy:
     def __init__(self, path: Path) -> None:
         self.file = UnfinishedFile(path, _CHUNK_BYTES, _SUFFIX)
         self.result = Recovery(path, was_whole=True)
-        self._writer = Writer(self.file.stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._summary = bag.BagSummary()
+        self._writer = McapWriter(self.file.stream, _CHUNK_BYTES)
+        self._topics: dict[int, bag.BagTopic] = {}
         self._started = False
         self._ros2 = False
         self._schemas: dict[int, records.Schema] = {}
@@ -153,7 +153,6 @@ class _Copy:
         self._writer.add_message(
             new_id, message.log_time, message.data, message.publish_time, message.sequence
         )
-        self._summary.count(channel.topic, message.log_time)
 
     def _add_channel(self, channel: records.Channel) -> int:
         schema = self._schemas.get(channel.schema_id)
@@ -161,24 +160,31 @@ class _Copy:
             self._schema_ids[schema.id] = self._writer.register_schema(
                 schema.name, schema.encoding, schema.data
             )
-        self._summary.topics[channel.topic] = bag.TopicCount(
-            channel.topic,
-            schema.name if schema else "",
-            channel.metadata.get("offered_qos_profiles", ""),
-            channel.metadata.get("topic_type_hash", ""),
-        )
-        return self._writer.register_channel(
+        new_id = self._writer.register_channel(
             channel.topic,
             channel.message_encoding,
             self._schema_ids.get(channel.schema_id, 0),
             channel.metadata,
         )
+        self._topics[new_id] = bag.BagTopic(
+            channel.topic,
+            schema.name if schema else "",
+            channel.metadata.get("offered_qos_profiles", ""),
+            channel.metadata.get("topic_type_hash", ""),
+        )
+        return new_id
 
     def finish(self) -> None:
         self._begin()
+        self._writer.flush()
+        found = self._writer.statistics
         if self._ros2:
-            self._writer.add_metadata(bag.RECORD, {bag.KEY: self._summary.serialized(self.file.path.name)})
+            text = bag.metadata_text(self.file.path.name, self._topics, found)
+            self._writer.add_metadata(bag.RECORD, {bag.KEY: text})
         self._writer.finish()
         self.file.finish()
-        self.result.messages = {topic.name: topic.count for topic in self._summary.topics.values()}
-        self.result.start, self.result.end = self._summary.start, self._summary.end
+        for channel, topic in self._topics.items():
+            count = found.channel_message_counts.get(channel, 0)
+            self.result.messages[topic.name] = self.result.messages.get(topic.name, 0) + count
+        if found.message_count:
+            self.result.start, self.result.end = found.message_start_time, found.message_end_time

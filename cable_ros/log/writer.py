@@ -16,7 +16,7 @@ from cable_ros.log.part import Contents, Part, Topic
 _POLL_SECONDS = 0.02
 # The thread lets go of the interpreter after so many messages (about 50 us), so that a callback that
 # became ready meanwhile does not wait for the whole backlog.
-_BURST = 16
+_BURST = 24
 _PAUSE_SECONDS = 50e-6
 _OVERHEAD_BYTES = 250  # of a queued tuple with its integers and the header of its bytes
 _CLOSE_SECONDS = 10.0
@@ -31,7 +31,7 @@ class LogWriter:
     Each is whole by itself, and called `.mcap.part` until it is.
     `attachments`: file name -> text, such as the scene; `metadata`: record name -> entries. In every file.
     `max_bytes`, `max_seconds`: where a file is split; 0 for never. The index of an open file is kept in
-    memory (about 1 kB for each chunk), which the default size bounds at a few MB.
+    memory (about 200 bytes for each chunk), which the default size bounds at a few MB.
     `queue_bytes`: bound of what waits for the disk; beyond it messages are dropped and counted.
     `chunk_bytes`, `chunk_seconds`: a chunk is closed, and goes to the operating system, at this size
     (before compression) or age: what a killed process loses at most.
@@ -52,7 +52,7 @@ class LogWriter:
         max_bytes: int = 1 << 30,
         max_seconds: float = 0.0,
         queue_bytes: int = 32 << 20,
-        chunk_bytes: int = 256 << 10,
+        chunk_bytes: int = 64 << 10,
         chunk_seconds: float = 0.5,
         sync_seconds: float = 5.0,
     ) -> None:
