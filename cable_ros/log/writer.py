@@ -52,7 +52,7 @@ class LogWriter:
         max_bytes: int = 1 << 30,
         max_seconds: float = 0.0,
         queue_bytes: int = 32 << 20,
-        chunk_bytes: int = 64 << 10,
+        chunk_bytes: int = 256 << 10,
         chunk_seconds: float = 0.5,
         sync_seconds: float = 5.0,
     ) -> None:
