@@ -1,6 +1,6 @@
 """Writes MCAP with little work per message: the thread that logs shares its interpreter with one in a hurry.
 
-A message is packed at once; what concerns a chunk as a whole is done when it is closed, mostly by calls that
+A message is packed at once; what concerns a chunk as a whole is done when it is written, mostly by calls that
 let go of the interpreter. The `mcap` package's own writer takes three times as long. Format: https://mcap.dev/spec
 """
 
@@ -22,7 +22,9 @@ from mcap.writer import MCAP0_MAGIC
 _LEVEL = -1  # of zstd: a third of the time of the usual 3, and 4 % more bytes
 _COMPRESSION = b"zstd"
 _MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_FIELDS = _MESSAGE.size - 9  # opcode and length do not count
+MESSAGE_HEAD = _MESSAGE.size
+"""Bytes that a message takes in a chunk beside its own."""
+_MESSAGE_FIELDS = MESSAGE_HEAD - 9  # opcode and length do not count
 _MESSAGE_INDEX = struct.Struct("<BQHI")
 _CHUNK = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
 _FOOTER = struct.Struct("<BQQQ")
@@ -34,21 +36,50 @@ def _bytes(record: records.McapRecord) -> bytes:
     return bytes(builder.end())
 
 
+class Chunk:
+    """Messages as a chunk holds them. May be filled by one thread and then written by another."""
+
+    __slots__ = ("count", "index", "records", "size")
+
+    def __init__(self) -> None:
+        self.records: list[bytes] = []
+        self.size = 0
+        """Bytes, before compression."""
+        self.count = 0
+        """Messages."""
+        self.index: dict[int, array[int]] = {}
+        """Channel -> log time, place in the chunk, log time, place, ..."""
+
+    def add(self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int) -> None:
+        """One message; times in ns. `data` is kept until the chunk is written.
+
+        Raises: struct.error where a number does not fit; nothing has changed then.
+        """
+        size = len(data)
+        head = _MESSAGE.pack(
+            Opcode.MESSAGE, _MESSAGE_FIELDS + size, channel_id, sequence, log_time, publish_time
+        )
+        index = self.index.get(channel_id)
+        if index is None:
+            index = self.index[channel_id] = array("Q")
+        index.extend((log_time, self.size))
+        self.records += (head, data)
+        self.size += _MESSAGE.size + size
+        self.count += 1
+
+
 class McapWriter:
     """Writes MCAP to `stream`; a chunk is closed when it exceeds `chunk_bytes` (uncompressed), or by `flush`.
 
-    Methods and their errors are those of `mcap.writer.Writer`.
+    Methods and their errors are those of `mcap.writer.Writer`, but for `write_chunk`.
     """
 
     def __init__(self, stream: IO[bytes], chunk_bytes: int) -> None:
         self._stream = stream
         self._chunk_bytes = chunk_bytes
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
-        self._chunk: list[bytes] = []
-        self._chunk_size = 0
-        self._index: dict[
-            int, array[int]
-        ] = {}  # channel -> log time, place in the chunk, log time, place, ...
+        self._chunk = Chunk()
+        self._announced: list[bytes] = []  # go into the next chunk
         self._summary: dict[Opcode, list[bytes]] = {
             Opcode.SCHEMA: [],
             Opcode.CHANNEL: [],
@@ -92,11 +123,16 @@ class McapWriter:
         return number
 
     def register_channel(
-        self, topic: str, message_encoding: str, schema_id: int, metadata: Mapping[str, str]
+        self,
+        topic: str,
+        message_encoding: str,
+        schema_id: int,
+        metadata: Mapping[str, str],
+        number: int | None = None,
     ) -> int:
-        """Announce a topic; returns its id."""
+        """Announce a topic; returns its id, which is `number` where given."""
         self.statistics.channel_count += 1
-        number = self.statistics.channel_count
+        number = self.statistics.channel_count if number is None else number
         channel = records.Channel(
             id=number,
             topic=topic,
@@ -110,34 +146,34 @@ class McapWriter:
     def _announce(self, opcode: Opcode, record: records.McapRecord) -> None:
         body = _bytes(record)
         self._summary[opcode].append(body)
-        self._chunk.append(body)
-        self._chunk_size += len(body)
+        self._announced.append(body)
 
     def add_message(
         self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int
     ) -> None:
         """One message; times in ns. `data` is kept until its chunk is closed."""
-        size = len(data)
-        head = _MESSAGE.pack(
-            Opcode.MESSAGE, _MESSAGE_FIELDS + size, channel_id, sequence, log_time, publish_time
-        )
-        index = self._index.get(channel_id)
-        if index is None:
-            index = self._index[channel_id] = array("Q")
-        index.extend((log_time, self._chunk_size))
-        self._chunk += (head, data)
-        self._chunk_size += _MESSAGE.size + size
-        if self._chunk_size > self._chunk_bytes:
+        self._chunk.add(channel_id, log_time, data, publish_time, sequence)
+        if self._chunk.size > self._chunk_bytes:
             self._close_chunk()
 
     def _close_chunk(self) -> None:
-        """Write the chunk and its index; one without a message stays open."""
-        if not self._index:
+        chunk, self._chunk = self._chunk, Chunk()
+        self.write_chunk(chunk)
+
+    def write_chunk(self, chunk: Chunk) -> None:
+        """Write a chunk and its index, nothing where it has no message. Its channels must be registered."""
+        if not chunk.count:
             return
-        body = b"".join(self._chunk)
+        if self._announced:
+            announced, self._announced = b"".join(self._announced), []
+            chunk.records.insert(0, announced)
+            for index in chunk.index.values():
+                for place in range(1, len(index), 2):
+                    index[place] += len(announced)
+        body = b"".join(chunk.records)
         compressed = self._compressor.compress(body)
-        start = min(min(index[::2]) for index in self._index.values())
-        end = max(max(index[::2]) for index in self._index.values())
+        start = min(min(index[::2]) for index in chunk.index.values())
+        end = max(max(index[::2]) for index in chunk.index.values())
         head = _CHUNK.pack(
             Opcode.CHUNK,
             _CHUNK.size - 9 + len(compressed),
@@ -153,7 +189,7 @@ class McapWriter:
         chunk_size = len(head) + len(compressed)
         indexes, places = [], {}
         place = chunk_start + chunk_size
-        for channel, index in self._index.items():
+        for channel, index in chunk.index.items():
             entries = _little_endian(index)
             places[channel] = place
             indexes += [
@@ -174,17 +210,16 @@ class McapWriter:
             uncompressed_size=len(body),
         )
         self._summary[Opcode.CHUNK_INDEX].append(_bytes(chunk_index))
-        self._count(start, end)
-        self._chunk, self._chunk_size, self._index = [], 0, {}
+        self._count(chunk, start, end)
 
-    def _count(self, start: int, end: int) -> None:
+    def _count(self, chunk: Chunk, start: int, end: int) -> None:
         found = self.statistics
         found.message_start_time = min(found.message_start_time, start) if found.chunk_count else start
         found.message_end_time = max(found.message_end_time, end)
         found.chunk_count += 1
-        for channel, index in self._index.items():
+        found.message_count += chunk.count
+        for channel, index in chunk.index.items():
             count = len(index) // 2
-            found.message_count += count
             found.channel_message_counts[channel] = found.channel_message_counts.get(channel, 0) + count
 
     def flush(self) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from cable_ros.log import bag
 from cable_ros.log.definitions import message_definition, type_hash
 from cable_ros.log.errors import LogError, describe
-from cable_ros.log.mcap_writer import McapWriter
+from cable_ros.log.mcap_writer import Chunk, McapWriter
 from cable_ros.log.unfinished import UnfinishedFile
 
 END_RECORD = "cable_ros_log_end"
@@ -24,6 +24,10 @@ class Topic:
     name: str
     type_name: str
     offered_qos: str = ""
+    number: int = 0
+    """Of its channel, the same in all files of a log."""
+    trim: bool = False
+    """Whether what may follow the last field has to be cut off."""
     sequence: int = 0
 
 
@@ -49,7 +53,6 @@ class Part:
         self._writer = McapWriter(self.file.stream, chunk_bytes)
         self._topics: dict[int, bag.BagTopic] = {}
         self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
         try:
             self._start(contents)
         except OSError as error:
@@ -71,14 +74,14 @@ class Part:
         """Bytes written so far."""
         return self.file.stream.tell()
 
-    def add(self, topic: Topic, sequence: int, cdr: bytes, log_time: int, publish_time: int) -> None:
-        """One message; its chunk goes to the disk when it is full or at the next `close_chunk`."""
-        channel = self._channels.get(topic.name)
-        if channel is None:
-            channel = self._add_channel(topic)
-        self._writer.add_message(channel, log_time, cdr, publish_time, sequence)
+    def write(self, chunk: Chunk, topics: Sequence[Topic]) -> None:
+        """One chunk, whose channels are numbered as `topics`, from 1."""
+        for number in chunk.index:
+            if number not in self._topics:
+                self._add_channel(topics[number - 1])
+        self._writer.write_chunk(chunk)
 
-    def _add_channel(self, topic: Topic) -> int:
+    def _add_channel(self, topic: Topic) -> None:
         schema = self._schemas.get(topic.type_name)
         if schema is None:
             text = message_definition(topic.type_name).encode()
@@ -86,18 +89,15 @@ class Part:
             self._schemas[topic.type_name] = schema
         hash_ = type_hash(topic.type_name)
         metadata = {"offered_qos_profiles": topic.offered_qos, "topic_type_hash": hash_}
-        channel = self._writer.register_channel(topic.name, "cdr", schema, metadata)
-        self._channels[topic.name] = channel
-        self._topics[channel] = bag.BagTopic(topic.name, topic.type_name, topic.offered_qos, hash_)
-        return channel
+        self._writer.register_channel(topic.name, "cdr", schema, metadata, topic.number)
+        self._topics[topic.number] = bag.BagTopic(topic.name, topic.type_name, topic.offered_qos, hash_)
 
-    def close_chunk(self) -> None:
+    def flush(self) -> None:
         """Everything so far to the operating system: a killed process loses nothing of it."""
         self._writer.flush()
 
     def finish(self, dropped: int) -> None:
         """Index, footer, then its own name; `dropped` is how many messages the log lacks so far."""
-        self._writer.flush()
         self._writer.add_metadata(END_RECORD, {"dropped": str(dropped)})
         text = bag.metadata_text(self.file.path.name, self._topics, self._writer.statistics)
         self._writer.add_metadata(bag.RECORD, {bag.KEY: text})

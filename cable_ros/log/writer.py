@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import threading
 import time
 from collections import deque
@@ -11,17 +12,12 @@ from pathlib import Path
 from cable_ros.log.cdr import JOINT_STATE, trim_joint_state
 from cable_ros.log.definitions import message_definition
 from cable_ros.log.errors import RECOVER, LogError, describe
+from cable_ros.log.mcap_writer import MESSAGE_HEAD, Chunk
 from cable_ros.log.part import Contents, Part, Topic
 
 _POLL_SECONDS = 0.02
-# The thread lets go of the interpreter after so many messages (about 50 us), so that a callback that
-# became ready meanwhile does not wait for the whole backlog.
-_BURST = 24
-_PAUSE_SECONDS = 50e-6
-_OVERHEAD_BYTES = 250  # of a queued tuple with its integers and the header of its bytes
+_OVERHEAD_BYTES = 250  # of a waiting message's objects
 _CLOSE_SECONDS = 10.0
-
-_Item = tuple[Topic, int, bytes, int, int]
 
 
 class LogWriter:
@@ -38,7 +34,9 @@ class LogWriter:
     `sync_seconds`: how often the disk itself is made to take it: what a power cut loses at most. Five
     seconds is ext4's own commit interval; more often costs an SD card wear and gains little.
 
-    `write` is meant to be called from one thread at a time.
+    Messages are packed where they are offered, which costs a microsecond or two each; the thread gets whole
+    chunks, and what it does with one mostly leaves the interpreter to others. `write` is meant to be called
+    from one thread at a time.
 
     Raises: LogError where the file cannot be made, exists, or its folder is not writable.
     """
@@ -77,7 +75,11 @@ class LogWriter:
         """Files finished so far."""
 
         self._topics: dict[str, Topic] = {}
-        self._queue: deque[_Item] = deque()
+        self._numbered: list[Topic] = []
+        self._chunk = Chunk()
+        self._lock = threading.Lock()  # of the open chunk
+        self._queue: deque[Chunk] = deque()
+        self._fault: Exception | None = None
         # Two counters with one writer each need no lock.
         self._bytes_in = 0
         self._bytes_out = 0
@@ -96,15 +98,21 @@ class LogWriter:
         """Bytes that wait for the disk, at most `queue_bytes`."""
         return self._bytes_in - self._bytes_out
 
-    def add_topic(self, topic: str, type_name: str, offered_qos: str = "") -> Topic:
+    def add_topic(self, topic: str, type_name: str, offered_qos: str = "", exact: bool = False) -> Topic:
         """Announce a topic ahead of its first message; needed only to give its QoS (`qos_to_yaml`).
+
+        `exact`: nothing follows the last field of its messages, so that nobody need look (a JointState from
+        rclpy may be padded).
 
         Raises: LogError for an unknown type, or a topic that was announced with another type.
         """
         known = self._topics.get(topic)
         if known is None:
             message_definition(type_name)
-            known = self._topics[topic] = Topic(topic, type_name, offered_qos)
+            trim = type_name == JOINT_STATE and not exact
+            known = Topic(topic, type_name, offered_qos, len(self._numbered) + 1, trim)
+            self._numbered.append(known)
+            self._topics[topic] = known
         elif known.type_name != type_name:
             raise LogError(f"Topic {topic} is logged as {known.type_name} and cannot be {type_name} as well.")
         return known
@@ -123,15 +131,28 @@ class LogWriter:
         if entry is None or entry.type_name != type_name:
             entry = self.add_topic(topic, type_name)
         sequence = entry.sequence
-        entry.sequence = sequence + 1
+        entry.sequence = (sequence + 1) & 0xFFFFFFFF  # MCAP has four bytes for it
         size = len(cdr) + _OVERHEAD_BYTES
         if not self._thread.is_alive() or self._bytes_in - self._bytes_out + size > self._queue_bytes:
             self.dropped += 1
             return False
-        self._bytes_in += size
-        self._queue.append(
-            (entry, sequence, cdr, log_time_ns, log_time_ns if publish_time_ns is None else publish_time_ns)
-        )
+        if entry.trim:
+            cdr = trim_joint_state(cdr)
+            size = len(cdr) + _OVERHEAD_BYTES
+        if publish_time_ns is None:
+            publish_time_ns = log_time_ns
+        with self._lock:
+            chunk = self._chunk
+            try:
+                chunk.add(entry.number, log_time_ns, cdr, publish_time_ns, sequence)
+            except struct.error as error:  # a message that cannot be written must not end the log unseen
+                self._fault = error
+                self.dropped += 1
+                return False
+            self._bytes_in += size
+            if chunk.size > self._chunk_bytes:
+                self._queue.append(chunk)
+                self._chunk = Chunk()
         return True
 
     def put(self, topic: str, type_name: str, cdr: bytes, log_time_ns: int) -> None:
@@ -170,50 +191,55 @@ class LogWriter:
                 f"; {RECOVER.format(path=self._part.file.part_path)}."
             )
             self._part.file.abandon()
-        except Exception as error:  # a message that cannot be written must not end the log unseen
+        except Exception as error:  # must not end the log unseen
             self.error = f"Log {self.path} stopped: {type(error).__name__}: {error}."
             self._part.file.abandon()
         finally:
-            self.dropped += len(self._queue)
+            self._take_open_chunk()
+            self.dropped += sum(chunk.count for chunk in self._queue)
             self._queue.clear()
 
     def _write_until_stopped(self) -> None:
-        opened = chunk_closed = synced = time.monotonic()
-        pending = False
+        opened = flushed = synced = time.monotonic()
         while True:
             stopping = self._stop.wait(_POLL_SECONDS)
-            pending |= self._drain()
             now = time.monotonic()
-            if pending and now - chunk_closed >= self._chunk_seconds:
-                self._part.close_chunk()
-                chunk_closed, pending = now, False
+            old = now - flushed >= self._chunk_seconds
+            if old or stopping:
+                self._take_open_chunk()
+            self._drain()
+            if old:
+                self._part.flush()
+                flushed = now
             if now - synced >= self._sync_seconds:
                 self._part.file.sync()
                 synced = now
-            if stopping and not self._queue:
+            if self._fault is not None:
+                raise self._fault
+            if stopping and not self._queue and not self._chunk.count:
                 self._part.finish(self.dropped)
                 self.paths.append(self._part.file.path)
                 return
             too_old = self._max_seconds and now - opened >= self._max_seconds
             if too_old or (self._max_bytes and self._part.size >= self._max_bytes):
                 self._split()
-                opened = chunk_closed = synced = now
-                pending = False
+                opened = flushed = synced = now
 
-    def _drain(self) -> bool:
-        """Hand what is queued to the file; True where there was something."""
-        waiting = len(self._queue)
-        for i in range(waiting):
-            topic, sequence, cdr, log_time, publish_time = self._queue.popleft()
-            queued = len(cdr) + _OVERHEAD_BYTES
-            if topic.type_name == JOINT_STATE:
-                cdr = trim_joint_state(cdr)
-            self._part.add(topic, sequence, cdr, log_time, publish_time)
-            self._bytes_out += queued
-            self.written += 1
-            if i % _BURST == _BURST - 1 and self.queued_bytes < self._queue_bytes // 4:
-                time.sleep(_PAUSE_SECONDS)
-        return waiting > 0
+    def _take_open_chunk(self) -> None:
+        with self._lock:
+            if self._chunk.count:
+                self._queue.append(self._chunk)
+                self._chunk = Chunk()
+
+    def _drain(self) -> None:
+        """Hand what is queued to the file."""
+        while self._queue:
+            chunk = self._queue[0]
+            held = chunk.size + chunk.count * (_OVERHEAD_BYTES - MESSAGE_HEAD)
+            self._part.write(chunk, self._numbered)
+            self._queue.popleft()
+            self._bytes_out += held
+            self.written += chunk.count
 
     def _split(self) -> None:
         self._part.finish(self.dropped)

@@ -73,7 +73,7 @@ class CableNode(Node):
 
         topic = self._value("joint_states_topic")
         self._joint_states = Outlet(
-            self.resolve_topic_name(topic), type_name(JointState), _JOINT_STATES, None
+            self.resolve_topic_name(topic), type_name(JointState), _JOINT_STATES, None, exact=False
         )
         self._diagnostics = Outlet.create(self, DiagnosticArray, "/diagnostics", _DIAGNOSTICS)
         self._joint_load = Outlet.create(self, JointState, "~/joint_load", STREAM)
@@ -198,7 +198,7 @@ class CableNode(Node):
             else:
                 self._solve(live, stamp)
         self._report_changes(live)
-        self._out.flush(arrival, stamp)
+        self._out.flush(arrival, max(stamp, 0))  # a log's times have no sign
 
     def _solve(self, live: LiveScene, stamp: int) -> None:
         if changed := live.environment.apply():

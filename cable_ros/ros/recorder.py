@@ -32,13 +32,14 @@ def type_name(message_type: type) -> str:
 class Outlet:
     """A topic that the node publishes serialised messages on.
 
-    `publisher` is None for a topic that is only logged.
+    `publisher` is None for a topic that is only logged. `exact`: nothing follows its messages' last field.
     """
 
     topic: str
     type_name: str
     qos: QoSProfile
     publisher: Publisher | None
+    exact: bool = True
 
     @classmethod
     def create(cls, node: Node, message_type: Any, topic: str, qos: QoSProfile) -> Outlet:
@@ -105,7 +106,7 @@ class Recorder:
                 queue_bytes=int(settings["queue_size"] * _MEGABYTE),
             )
             for outlet in outlets:
-                self.writer.add_topic(outlet.topic, outlet.type_name, qos_to_yaml(outlet.qos))
+                self.writer.add_topic(outlet.topic, outlet.type_name, qos_to_yaml(outlet.qos), outlet.exact)
         except LogError as error:
             self.error = str(error)
 

@@ -66,16 +66,16 @@ def test_every_reader_finds_the_same_in_both_files(files, kind):
     assert found[0] == found[1]
 
 
-def test_the_summary_is_the_same_but_for_what_compression_changes(files):
+def test_the_summary_is_the_same_but_for_the_chunks(files):
     ours, theirs = map(summary_of, files)
     assert ours.schemas == theirs.schemas
     assert ours.channels == theirs.channels
     assert ours.statistics == theirs.statistics
-    chunks = [
-        [(c.message_start_time, c.message_end_time, c.uncompressed_size) for c in summary.chunk_indexes]
-        for summary in (ours, theirs)
-    ]
-    assert chunks[0] == chunks[1]
+    # Where one chunk ends and the next begins may differ; what they hold together may not.
+    for chunks in (ours.chunk_indexes, theirs.chunk_indexes):
+        assert all(c.uncompressed_size < 2 * CHUNK_BYTES for c in chunks)
+    sizes = [sum(c.uncompressed_size for c in summary.chunk_indexes) for summary in (ours, theirs)]
+    assert sizes[0] == sizes[1]
 
 
 def test_the_indexes_point_to_what_they_say(files):
