@@ -17,6 +17,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -49,7 +50,7 @@ class Robot:
         self.node = Node("robot", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self.publisher = self.node.create_publisher(JointState, "/joint_states", QoSProfile(depth=100))
+        self.publisher = self._new_publisher()
         self.heard: Counter[str] = Counter()
         """By topic of PUBLISHED, the messages that arrived; being best effort, some may be lost."""
         self.published: dict[str, int] = {}
@@ -61,7 +62,11 @@ class Robot:
                 message_class(kind), topic, self._counter(topic), QoSProfile(depth=1000), raw=True
             )
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
-        self.wait_for_node()
+        try:
+            self.wait_for_node()
+        except BaseException:  # a node that is left over would answer the next test
+            self.close()
+            raise
 
     def __enter__(self) -> Robot:
         return self
@@ -69,18 +74,30 @@ class Robot:
     def wait_for_node(self) -> None:
         """Until the node hears us, and we hear it."""
         self.wait(lambda: all(map(self.node.count_publishers, PUBLISHED)))
-        self.wait(lambda: self.publisher.get_subscription_count() > 0)
+        # Now and then the middleware misses an announcement; another publisher is announced anew.
+        self.wait(lambda: self.publisher.get_subscription_count() > 0, self._advertise_again, 10.0)
         # We see the node's subscription before it sees our publisher, and it is best effort.
         for _ in range(25):
             self.executor.spin_once(timeout_sec=0.02)
 
     def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave nothing behind, not even a node that does not end."""
         if self.process.poll() is None:
             self.process.kill()
             self.process.communicate()
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
+
+    def _new_publisher(self) -> Publisher:
+        return self.node.create_publisher(JointState, "/joint_states", QoSProfile(depth=100))
+
+    def _advertise_again(self) -> None:
+        self.node.destroy_publisher(self.publisher)
+        self.publisher = self._new_publisher()
 
     def _counter(self, topic: str) -> Callable[[bytes, dict[str, Any]], None]:
         def count(_: bytes, info: dict[str, Any]) -> None:
@@ -92,16 +109,18 @@ class Robot:
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         self.diagnostics |= {status.name: status for status in message.status}
 
-    def wait(self, done: Callable[[], bool], meanwhile: Callable[[], None] = lambda: None) -> None:
-        """Spin until `done()`, with `meanwhile()` every 2 s; fails where it takes long or the node dies."""
+    def wait(
+        self, done: Callable[[], bool], meanwhile: Callable[[], None] = lambda: None, every: float = 2.0
+    ) -> None:
+        """Spin until `done()`, with `meanwhile()` now and then; fails if it takes long or the node dies."""
         deadline = time.monotonic() + TIMEOUT
-        due = time.monotonic() + 2.0
+        due = time.monotonic() + every
         while not done():
             assert time.monotonic() < deadline, (self.heard, self.diagnostics)
             assert self.process.poll() is None, self.process.communicate()
             self.executor.spin_once(timeout_sec=0.02)
             if time.monotonic() > due:
-                due += 2.0
+                due += every
                 meanwhile()
 
     def move(self, angle: float, wait: bool = True) -> None:

@@ -344,9 +344,8 @@ class CableNode(Node):
             self._start_log()
 
     def close(self) -> None:
-        """Complete the log and leave."""
+        """Complete the log."""
         self._out.stop_log()
-        self.destroy_node()
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -359,7 +358,7 @@ def main(args: Sequence[str] | None = None) -> int:
         with Lifetime() as lifetime:
             rclpy.init(args=list(args) if args is not None else None)
             node = CableNode()
-            lifetime.started(node.close)
+            lifetime.started(node, node.close)
             node.open()
             rclpy.spin(node)
     except (ParameterError, SceneError) as error:

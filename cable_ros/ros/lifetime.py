@@ -3,11 +3,13 @@
 rclpy answers a signal from a thread of its own, which ends the context whenever it gets to it: also between
 another thread's look at the context and its use. So that thread is gone before anything is taken down, and
 what fails after a signal has failed because of it.
+
+Fast DDS can wait for ever in taking down a participant while another one leaves, as when a whole launch is
+stopped. So that has a limit.
 """
 
 from __future__ import annotations
 
-import contextlib
 import signal
 import sys
 from collections.abc import Callable
@@ -15,8 +17,11 @@ from types import TracebackType
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_LEAVING = 10.0
+"""s that leaving the middleware may take, as a rule some ms; the process ends by SIGALRM then."""
 
 
 class Lifetime:
@@ -31,18 +36,22 @@ class Lifetime:
     def __init__(self) -> None:
         self._signalled = False
         self._raising = True
-        self._at_end = contextlib.ExitStack()
+        self._node: Node | None = None
+        self._close: Callable[[], object] = lambda: None
 
     def __enter__(self) -> Lifetime:
         # Before rclpy's: its handlers call the ones that they find, and uninstalling them puts these back.
         for number in _SIGNALS:
             signal.signal(number, self._on_signal)
-        sys.unraisablehook = _tell_unless_interrupted
+        sys.unraisablehook = self._on_lost_error
         return self
 
-    def started(self, close: Callable[[], object]) -> None:
-        """From here on `close` is called at the end, and a signal ends the context and raises nothing."""
-        self._at_end.callback(close)
+    def started(self, node: Node, close: Callable[[], object]) -> None:
+        """From here on a signal ends the context and raises nothing.
+
+        At the end `close` is called, which may take its time, and then `node` is destroyed.
+        """
+        self._node, self._close = node, close
         self._raising = False
 
     def __exit__(
@@ -52,8 +61,14 @@ class Lifetime:
         rclpy.uninstall_signal_handlers()  # waits for rclpy's thread
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
-        self._at_end.close()
+        self._close()
+        # Not for Python to handle: what hangs does not let go of the interpreter.
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_REAL, _LEAVING)
+        if self._node is not None:
+            self._node.destroy_node()
         rclpy.try_shutdown()
+        signal.setitimer(signal.ITIMER_REAL, 0)
         return self._signalled or isinstance(error, ExternalShutdownException)
 
     def _on_signal(self, *_: object) -> None:
@@ -62,8 +77,7 @@ class Lifetime:
         if raising:
             raise KeyboardInterrupt
 
-
-def _tell_unless_interrupted(lost: sys.UnraisableHookArgs) -> None:
-    # An interruption that hits a callback of the compiler is lost there. The context has ended all the same.
-    if not isinstance(lost.exc_value, KeyboardInterrupt):
-        sys.__unraisablehook__(lost)
+    def _on_lost_error(self, lost: sys.UnraisableHookArgs) -> None:
+        # In a callback of the compiler our KeyboardInterrupt is lost; the context has ended all the same.
+        if not self._signalled:
+            sys.__unraisablehook__(lost)

@@ -181,9 +181,8 @@ class ReplayNode(Node):
                 publisher.wait_for_all_acked(Duration(seconds=left))
 
     def close(self) -> None:
-        """Say how much there was, and leave."""
+        """Say how much there was."""
         print(f"cable_replay: {self.published} messages published", file=sys.stderr)
-        self.destroy_node()
 
 
 def message_class(type_name: str) -> Any:
@@ -258,7 +257,7 @@ def main(args: Sequence[str] | None = None) -> int:
             window = window_of(logs, options)
             rclpy.init(args=argv)
             node = ReplayNode(logs, window, options.rate, options.clock)
-            lifetime.started(node.close)
+            lifetime.started(node, node.close)
             _run(node, window, options)
     except LogError as error:
         print(f"cable_replay: {error}", file=sys.stderr)
