@@ -11,7 +11,7 @@ import numpy as np
 from cable_ros import results
 from cable_ros.auto_effects import Choice
 from cable_ros.equilibrium import Equilibrium
-from cable_ros.mechanics.effects.contact import gaps, placed
+from cable_ros.mechanics.effects.contact import nearest, placed
 from cable_ros.mechanics.effects.effect import Properties
 from cable_ros.scene import Cable, Kinematics
 from cable_ros.self_contact import SPACING, closest_approach, warning
@@ -19,7 +19,7 @@ from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
-from cable_ros.statics.rod import Rod
+from cable_ros.statics.rod import NOTHING, Rod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
 from cable_ros.statics.touching import TouchingRod
@@ -163,14 +163,13 @@ class Follower:
 
     def _blocked(self, obstacles: np.ndarray, re: np.ndarray) -> str:
         """A sentence where a clamp is inside an obstacle, so that no shape of the cable can be right."""
-        for end, r in (("start", np.zeros(3)), ("end", re)):
-            depth = -gaps(obstacles, r)
-            worst = int(np.argmax(depth))
-            if depth[worst] > CLAMP_DEPTH:
+        for end, r in (("start", NOTHING), ("end", re)):
+            distance, which = nearest(obstacles, r)
+            if distance < -CLAMP_DEPTH:
                 return (
                     f"The {end} clamp of cable '{self.name}' is"
-                    f" {depth[worst] * self._units.length * 1e3:.4g} mm inside"
-                    f" obstacle '{self._names[worst]}', the cable's radius counted; it must be outside."
+                    f" {-distance * self._units.length * 1e3:.4g} mm inside"
+                    f" obstacle '{self._names[which]}', the cable's radius counted; it must be outside."
                 )
         return ""
 

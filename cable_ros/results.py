@@ -49,7 +49,7 @@ class Polyline:
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
         if isinstance(rod, TouchingRod) and rod.count:
             element = rod.mesh.element
-            polyline_anywhere(q, rod.h, rod.s0, element.nodes, *integrals(element.order), start, length,
+            polyline_anywhere(q, rod.h, rod.s0, *integrals(element.order), start, length,
                               points, orientations)  # fmt: skip
             return points, orientations
         known = self._known

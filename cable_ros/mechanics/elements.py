@@ -155,7 +155,11 @@ def sampling(mesh: Mesh, count: int) -> Sampling:
 
 
 @cache
-def integrals(order: int) -> tuple[np.ndarray, np.ndarray]:
-    """For positions anywhere along an element: shape functions at more Gauss points, and `primitives`."""
+def integrals(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For positions and frames anywhere along an element.
+
+    Shape functions at more Gauss points, their `primitives`, and the shape functions' coefficients (order +
+    1, order + 1): column i in powers 0 to order of the place.
+    """
     element = reference_element(order, order + 4)
-    return element.values, primitives(element)
+    return element.values, primitives(element), np.linalg.inv(np.vander(element.nodes, increasing=True))

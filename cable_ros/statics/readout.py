@@ -6,7 +6,7 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.contact_kernels import curve, find_element, position, shape
+from cable_ros.mechanics.effects.contact_kernels import curve, find_element, position
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -100,17 +100,22 @@ def polyline(q, h, element, values, weights, quadrature, start, length, out_r, o
 
 
 @njit(**OPTIONS)
-def polyline_anywhere(q, h, s0, nodes, values, primitives, start, length, out_r, out_q):
+def polyline_anywhere(q, h, s0, values, primitives, powers, start, length, out_r, out_q):
     """`polyline` on elements whose lengths change from solve to solve; no tables of places.
 
-    `values`, `primitives`: see `elements.integrals`.
+    `values`, `primitives`, `powers`: see `elements.integrals`.
     """
     world = np.empty_like(q)
     turn(start, q, world)
     c = np.empty((h.shape[0], values.shape[0] + 1, 3))
     curve(world, h, values, primitives, c)
-    order = nodes.shape[0] - 1
-    N, dN = np.empty(order + 1), np.empty(order + 1)
+    order = powers.shape[0] - 1
+    frames = np.zeros((h.shape[0], order + 1, 4))
+    for e in range(h.shape[0]):
+        for k in range(order + 1):
+            for i in range(order + 1):
+                for a in range(4):
+                    frames[e, k, a] += powers[k, i] * world[e * order + i, a]
     r = np.empty(3)
     count = out_r.shape[0]
     for i in range(count):
@@ -119,13 +124,11 @@ def polyline_anywhere(q, h, s0, nodes, values, primitives, start, length, out_r,
         for b in range(3):
             out_r[i, b] = start[b] + length * r[b]
         e, place = find_element(s, s0, h)
-        shape(nodes, place, N, dN)
         w, x, y, z = 0.0, 0.0, 0.0, 0.0
-        for j in range(order + 1):
-            v, node = N[j], e * order + j
-            w += v * world[node, 0]
-            x += v * world[node, 1]
-            y += v * world[node, 2]
-            z += v * world[node, 3]
+        for k in range(order, -1, -1):
+            w = w * place + frames[e, k, 0]
+            x = x * place + frames[e, k, 1]
+            y = y * place + frames[e, k, 2]
+            z = z * place + frames[e, k, 3]
         n = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
         out_q[i, 0], out_q[i, 1], out_q[i, 2], out_q[i, 3] = n * x, n * y, n * z, n * w

@@ -7,6 +7,8 @@ and samples between them. Units of the cable, start clamp's frame.
 
 from __future__ import annotations
 
+import numpy as np
+
 from cable_ros.compilation import njit
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -31,6 +33,16 @@ LYING = 6
 """An element that lies on a surface is no longer than so many times the spacing."""
 APART = 2.5
 """Around a contact point what is so near, in parts of the spacing, is its own."""
+
+
+@njit(**OPTIONS)
+def held(points, normals, count):
+    """(3,) the force of all contact points on the cable."""
+    out = np.zeros(3)
+    for i in range(count):
+        for a in range(3):
+            out[a] += points[i, FORCE] * normals[i, a] + points[i, FRICTION + a]
+    return out
 
 
 @njit(**OPTIONS)

@@ -21,11 +21,11 @@ from cable_ros.statics.touch_points import (
     CAPACITY,
     COLUMNS,
     FORCE,
-    FRICTION,
     HELD,
     KIND,
     SAMPLE,
     TIE,
+    held,
 )
 from cable_ros.statics.touch_search import dips, passage, scan
 from cable_ros.statics.touch_step import touch
@@ -119,9 +119,7 @@ class TouchingRod(Rod):
         return new
 
     def held(self) -> np.ndarray:
-        touching = self.points[: self.count]
-        forces = touching[:, FORCE, None] * self.normals[: self.count] + touching[:, FRICTION:HELD]
-        return forces.sum(axis=0)
+        return np.asarray(held(self.points, self.normals, self.count))
 
     # solving
 

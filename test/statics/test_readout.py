@@ -58,9 +58,7 @@ def test_without_tables_the_polyline_is_the_same(order, lengths):
         q, mesh.lengths, table.element, table.values, table.weights, table.quadrature,
         start, LENGTH, *results[0],
     )  # fmt: skip
-    polyline_anywhere(
-        q, mesh.lengths, mesh.starts, mesh.element.nodes, *integrals(order), start, LENGTH, *results[1]
-    )
+    polyline_anywhere(q, mesh.lengths, mesh.starts, *integrals(order), start, LENGTH, *results[1])
     # the same integrals, but in powers of the place: their coefficients cancel to some 1e-11
     assert results[1][0] == pytest.approx(results[0][0], abs=1e-10)
     assert results[1][1] == pytest.approx(results[0][1], abs=1e-12)

@@ -104,3 +104,11 @@ def gaps(obstacles: np.ndarray, r: np.ndarray) -> np.ndarray:
     for i in range(obstacles.shape[0]):
         out[i] = gap(obstacles[i], r, n, directions, bends)
     return out
+
+
+@njit(cache=True)
+def nearest(obstacles: np.ndarray, r: np.ndarray) -> tuple[float, int]:
+    """The smallest of `gaps` and which obstacle's it is."""
+    distances = gaps(obstacles, r)
+    which = int(np.argmin(distances))
+    return float(distances[which]), which

@@ -130,14 +130,14 @@ def shape(nodes, x, N, dN):
     """Values and slopes (order + 1,) of the Lagrange polynomials through `nodes` at x."""
     count = nodes.shape[0]
     for i in range(count):
-        v, d = 1.0, 0.0
+        v, d, size = 1.0, 0.0, 1.0
         for k in range(count):
             if k != i:
-                inverse = 1.0 / (nodes[i] - nodes[k])
-                d = (d * (x - nodes[k]) + v) * inverse
-                v *= (x - nodes[k]) * inverse
-        N[i] = v
-        dN[i] = d
+                d = d * (x - nodes[k]) + v
+                v *= x - nodes[k]
+                size *= nodes[i] - nodes[k]
+        N[i] = v / size
+        dN[i] = d / size
 
 
 @njit(**OPTIONS)
