@@ -24,8 +24,9 @@ from cable_ros.scene import Kinematics, Scene
 from cable_ros.scene.text import parse_yaml
 from cable_ros.tracker import Tracker
 
-BLOCK = 30
-"""Consecutive poses that one method solves before the next has its turn."""
+BLOCK = 90
+"""Consecutive poses that one method solves before the next has its turn: more than it takes to find its data
+in the processor's caches again."""
 TIGHTEST = 1e-11
 """Tolerance of the tracker that leads the references along the branch."""
 TIGHT = 1e-9
