@@ -8,6 +8,7 @@ import numpy as np
 
 from cable_ros.solve.trust_region import Options, minimize
 from cable_ros.statics import compiled
+from cable_ros.statics.blunt import blunted, sharpen
 from cable_ros.statics.friction_kernels import FRICTIONLESS
 from cable_ros.statics.softened import Softened
 from cable_ros.statics.touch_points import FORCE, FRICTION, KIND, OBSTACLE, PLACE, POINT, TIE
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 SPRINGS = (3e4, 3e6, 3e8, 1e10)
 """Stiffness of the soft obstacles, EI / L^4, in turn: the first shows the way, the last who touches."""
+SUNK = (np.inf, 0.03, 3e-3)
+"""Deeper than this after the first, second, and later descents, parts of the length, none comes out again."""
 DESCENT = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
@@ -37,6 +40,24 @@ def descend(
     mesh are put back where it fails.
     """
     assert rod.obstacles is not None
+    sharp, kept, mesh = rod.obstacles, rod.state(), rod.mesh
+    rod.obstacles = blunted(sharp)
+    found = _descend(rod, q, F, options, first)
+    if found is not None and rod.obstacles is not sharp:
+        total = found[2]
+        found = sharpen(rod, found[0], found[1], sharp, options.step_tolerance)
+        found = None if found is None else (found[0], found[1], total + found[2])
+    rod.obstacles = sharp
+    if found is None:
+        rod.restore(kept, mesh)
+    return found
+
+
+def _descend(
+    rod: TouchingRod, q: np.ndarray, F: np.ndarray, options: Options, first: int
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """`descend` among the rod's obstacles as they are."""
+    assert rod.obstacles is not None
     kept, mesh, total = rod.state(), rod.mesh, 0
     samples = rod.samples
     for stage in range(first, len(SPRINGS)):
@@ -51,6 +72,8 @@ def descend(
         rod.ready = False
         if stage == 0 and _known(rod, q, result.objective):
             break
+        if stage > 0 and soft.phi[:, 1:-1].min(initial=0.0) < -SUNK[min(stage, len(SUNK) - 1)]:
+            break  # it has been through the obstacle's middle: the springs only hold it inside
         soft.harden(q)
         _inherit(rod, kept[0])
         if not rod.count and rod.clear(q):
