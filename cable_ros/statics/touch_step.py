@@ -110,7 +110,7 @@ def touch(
             for a in range(3):
                 b[a] = totals[a] - re[a]
             for i in range(3, rows):
-                b[i] = gaps[i - 3]
+                b[i] = gaps[i - 3] if full or i < 3 + count else 0.0
             if lift:
                 end_coupling(elastic, geometric, V, rows, theta, gv, b)
             border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)

@@ -78,10 +78,11 @@ def system(
 ):  # fmt: skip
     """Gradient, and where `full` the Hessian with its borders, at (q, F) with `count` contact points.
 
-    `gaps` receives the constraints: gaps (count), then zeros but for the slopes where stretches end. `V`
-    (rows, 3n) receives their derivatives: end position (3), gaps (count), then a row for each slope, and for
-    each direction in which a gap is curved or friction is stiff, with its weight's inverse in `delta`; `W`
-    the directions in which the multipliers act, the same but where friction follows the normal force; `lines`
+    `gaps` receives the constraints: gaps (count), then zeros but for the slopes of the gap along the cable,
+    which vanish where stretches end and where a point has slid to. `V` (rows, 3n) receives their derivatives:
+    end position (3), gaps (count), then a row for each slope, and for each direction in which a gap is curved
+    or friction is stiff, with its weight's inverse in `delta`; `W` the directions in which the multipliers
+    act, the same but where friction follows the normal force; `lines`
     (rows, 3) the direction that each reads the position in, of the point before which there are `upto`
     (rows,) elements. `old_c`, `old_h`, `old_s0` are the curve of the last equilibrium, `old_obstacles` where
     they were. Returns (rows, whether W is V).
@@ -198,6 +199,7 @@ def system(
                 row(V, rows, limits[i, 3:6], way)
                 lines[rows] = limits[i, 3:6]
                 delta[rows] = 1.0 / limits[i, 6]
+                gaps[rows - 3] = 0.0
                 rows += 1
             else:
                 across(normals[i], directions)
@@ -205,12 +207,14 @@ def system(
                     row(V, rows, directions[k], way)
                     lines[rows] = directions[k]
                     delta[rows] = 1.0 / limits[i, 6]
+                    gaps[rows - 3] = 0.0
                     rows += 1
         for k in range(2):
             if curved[i, k] > 0.0 and abs(points[i, FORCE]) >= 1e-9:
                 row(V, rows, frames[i, k], way)
                 lines[rows] = frames[i, k]
                 delta[rows] = -1.0 / (points[i, FORCE] * curved[i, k])
+                gaps[rows - 3] = 0.0
                 rows += 1
         ends = points[i, KIND] >= FIRST
         if ends or (curved[i, 2] > 0.0 and abs(points[i, FORCE]) >= 1e-9):
@@ -220,6 +224,7 @@ def system(
                 for a in range(3):
                     V[rows, 3 * first + j] += normals[i, a] * turn[a, j]
             delta[rows] = 0.0 if ends else curved[i, 2] / points[i, FORCE]
+            gaps[rows - 3] = tilts[i]
             if ends:
                 points[i, ROW] = rows
             rows += 1
@@ -229,10 +234,6 @@ def system(
         W[b] = V[b]
     for b in range(3 + count, rows):
         W[b] = V[b]
-        gaps[b - 3] = 0.0
-    for i in range(count):
-        if points[i, KIND] >= FIRST:
-            gaps[int(points[i, ROW]) - 3] = tilts[i]
     return rows, same
 
 
