@@ -29,6 +29,24 @@ class Touch:
     """(3,)"""
     holds: bool = True
     """Whether the force is whatever holds the point on the surface, or as it stands."""
+    slides: bool = False
+    """Whether the place is wherever the rod is tangent to the surface, or as it stands."""
+
+
+@dataclass
+class Held:
+    """A touch that holds, at a node: what `newton_step` needs to know of it."""
+
+    node: int
+    force: float
+    distance: float
+    normal: np.ndarray
+    bend: np.ndarray
+    """(3, 3) Hessian of the distance."""
+    tangent: np.ndarray
+    ways: tuple[np.ndarray, np.ndarray] | None = None
+    """(12,), (12,): how the ends of the pieces before and after the node change with their lengths, where it
+    slides."""
 
 
 def resample(
@@ -143,6 +161,17 @@ def propagate(
     return last[:4], last[4]
 
 
+def ways(
+    ends: list[np.ndarray], pushed: np.ndarray, load: np.ndarray, compliance: np.ndarray
+) -> np.ndarray:
+    """(n, 12) how the end of each piece changes with its length; `ends` (n, ...) has what is `pushed` (n, 3)."""
+    r, frame, force, moment = ends
+    force = force + pushed
+    t = frame[:, :, 2]
+    turning = (((frame * compliance) @ frame.transpose(0, 2, 1)) @ moment[:, :, None])[:, :, 0]
+    return np.hstack([t, turning, np.broadcast_to(-load, r.shape), -np.cross(t, force)])
+
+
 def gap(reached: list[np.ndarray], nodes: tuple[np.ndarray, ...]) -> np.ndarray:
     """(n, 12) what is missing between the end of each piece and the node there."""
     turn = reached[1] @ nodes[1].transpose(0, 2, 1)
@@ -157,24 +186,33 @@ def newton_step(
     maps: np.ndarray,
     gaps: np.ndarray,
     scale: np.ndarray,
-    touches: Sequence[tuple[int, float, float, np.ndarray, np.ndarray]] = (),
+    touches: Sequence[Held] = (),
     neutral: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Changes (n + 1, 12) of the nodes that close the gaps, both end poses held, and of the touches' forces.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Changes (n + 1, 12) of the nodes that close the gaps, both end poses held, of the touches' forces, places.
 
     delta_{i+1} - Phi_i delta_i = gap_i is a banded system: 17 diagonals on either side. Where it is all but
-    singular, its null vector is what it answers to anything, and is taken out. A touch (node, force,
-    distance, gradient, Hessian) adds its force to the gap before its node, and a border that puts the node
-    on the surface.
+    singular, its null vector is what it answers to anything, and is taken out. A touch adds its force to the
+    gap before its node, and a border that puts the node on the surface; one that slides a second, which makes
+    the rod tangent to the surface there, by longer pieces on one side of the node and shorter ones on the other.
     """
-    n, m = len(maps), len(touches)
+    n, sliding = len(maps), [touch for touch in touches if touch.ways is not None]
+    m = len(touches) + len(sliding)
     scaled = maps * (scale / scale[:, None])
     corner = np.tile(np.eye(12), (n, 1, 1))
-    columns, lines = np.zeros((m, n, 12)), np.zeros((m, n + 1, 12))
-    for k, (node, force, _, normal, bend) in enumerate(touches):
-        corner[node - 1, 6:9, 0:3] += force * bend * scale[0] / scale[6]
-        columns[k, node - 1, 6:9] = normal / scale[6]
-        lines[k, node, 0:3] = normal * scale[0]
+    columns, lines, misses = np.zeros((m, n, 12)), np.zeros((m, n + 1, 12)), np.zeros(m)
+    for k, touch in enumerate(touches):
+        corner[touch.node - 1, 6:9, 0:3] += touch.force * touch.bend * scale[0] / scale[6]
+        columns[k, touch.node - 1, 6:9] = touch.normal / scale[6]
+        lines[k, touch.node, 0:3] = touch.normal * scale[0]
+        misses[k] = touch.distance
+    for k, touch in enumerate(sliding, len(touches)):
+        assert touch.ways is not None
+        columns[k, touch.node - 1] = -touch.ways[0] / scale
+        columns[k, touch.node] = touch.ways[1] / scale
+        lines[k, touch.node, 0:3] = touch.bend @ touch.tangent * scale[0]
+        lines[k, touch.node, 3:6] = np.cross(touch.tangent, touch.normal) * scale[3]
+        misses[k] = touch.normal @ touch.tangent
     band = np.zeros((35, 12 * n))
     rows, cols = np.meshgrid(np.arange(12), np.arange(12), indexing="ij")
     for block, offset in ((-scaled, -6), (corner, 6)):
@@ -207,8 +245,10 @@ def newton_step(
     if m:
         answers = [nodes(solve(column.ravel())) for column in columns]
         system = np.array([[np.vdot(line, answer) for answer in answers] for line in lines])
-        right = [np.vdot(line, delta) + touch[2] for line, touch in zip(lines, touches, strict=True)]
+        right = [np.vdot(line, delta) + miss for line, miss in zip(lines, misses, strict=True)]
         # touches too close to each other, or a clamp's own: what cannot be told apart is shared
         pushes = np.linalg.lstsq(system, right, rcond=1e-12)[0]
         delta = delta - np.tensordot(pushes, np.array(answers), 1)
-    return delta * scale, pushes
+    slides = np.zeros(len(touches))
+    slides[[touch.ways is not None for touch in touches]] = pushes[len(touches) :]
+    return delta * scale, pushes[: len(touches)], slides

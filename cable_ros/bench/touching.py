@@ -57,7 +57,7 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
             return (
                 float(signed(point)) / length,
                 gradient(signed, point, 1e-6 * length),
-                curvature(signed, point, 1e-4 * length) * length,
+                curvature(signed, point, 1e-6 * length) * length,
             )
 
         return at

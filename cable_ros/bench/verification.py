@@ -21,7 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cable_ros.bench import shooting
-from cable_ros.bench.shooting import Touch
+from cable_ros.bench.shooting import Held, Touch
 from cable_ros.equilibrium import Equilibrium
 
 
@@ -102,8 +102,9 @@ def verify(
         return _failed(0)
     touches = _spread(touches)
     tries = [refine(rod, *claimed, touches, iterations=iterations)]
-    if touches:
-        tries += _slid(rod, claimed, touches, tries[0], iterations)
+    if any(touch.slides for touch in touches) and not tries[0].converged:
+        told = [replace(touch, slides=False) for touch in touches]
+        tries.append(refine(rod, *claimed, told, iterations=iterations))
     if not touches and claim.stability_margin < NEUTRAL_MARGIN:
         tries.append(refine(rod, *claimed, iterations=iterations, neutral=True))
     return min(tries, key=lambda one: one.wrench_error)
@@ -116,64 +117,19 @@ ALONE = 0.03
 def _spread(touches: Sequence[Touch]) -> list[Touch]:
     """Touches that hold the rod, at some distance from each other; those in between keep the forces told.
 
-    The rod can hardly tell apart the forces of points side by side, so they cannot be found one by one.
+    The rod can hardly tell apart the forces of points side by side, so they cannot be found one by one. Those
+    that stand alone slide to where the gap is smallest: a soft rod answers to a place that is a little off by
+    a shape that is much more so.
     """
     out: list[Touch] = []
     last = -1.0
+    places = np.array([touch.place for touch in touches])
     for touch in sorted(touches, key=lambda touch: touch.place):
         holds = touch.holds and touch.place - last > 0.5 * ALONE
         last = touch.place if holds else last
-        out.append(replace(touch, holds=holds))
+        alone = int((np.abs(places - touch.place) < ALONE).sum()) == 1
+        out.append(replace(touch, holds=holds, slides=holds and alone))
     return out
-
-
-def _slid(
-    rod: Rod,
-    claimed: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    touches: Sequence[Touch],
-    first: Verification,
-    iterations: int,
-) -> list[Verification]:
-    """The same with touches that stand alone slid to where the rod is tangent to the surface, by secants.
-
-    A soft rod answers to a place that is a little off by a shape that is much more so.
-    """
-    out: list[Verification] = []
-    places = np.array([touch.place for touch in touches])
-    apart = np.abs(places[:, None] - places[None, :]) + np.eye(len(places))
-    alone = apart.min(axis=1) > ALONE
-    shape, slopes, ways = first.shape, np.zeros(0), np.zeros(len(touches))
-    for _ in range(4):
-        if shape is None or not alone.any():
-            break
-        before = slopes
-        slopes, curvatures = _slopes(rod, touches, shape)
-        if before.size:
-            with np.errstate(all="ignore"):
-                ways = np.nan_to_num(-slopes * ways / (slopes - before), posinf=0.0, neginf=0.0)
-        else:
-            ways = -0.02 * slopes / np.maximum(curvatures, 1e-6)
-        ways = np.where(alone & (np.abs(ways) < 0.1 * ALONE), ways, 0.0)
-        if np.abs(ways).max() < 1e-10:
-            break
-        touches = [replace(touch, place=touch.place + way) for touch, way in zip(touches, ways, strict=True)]
-        out.append(refine(rod, *claimed, touches, iterations=iterations))
-        shape = out[-1].shape
-    return out
-
-
-def _slopes(rod: Rod, touches: Sequence[Touch], shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """First and second derivative (m,) of each touch's gap along the rod."""
-    slopes, curvatures = [], []
-    for touch in touches:
-        i = int(np.argmin(np.abs(shape.arc_lengths / rod.length - touch.place)))
-        _, normal, bend = touch.surface((shape.points[i] - rod.start[:3]) / rod.length)
-        frame = shape.frames[i]
-        t = frame[:, 2]
-        turning = frame @ (frame.T @ shape.moments[i] / rod.stiffness) * rod.length
-        slopes.append(float(normal @ t))
-        curvatures.append(float(normal @ np.cross(turning, t) + t @ bend @ t))
-    return np.array(slopes), np.array(curvatures)
 
 
 @np.errstate(all="ignore")
@@ -192,7 +148,8 @@ def refine(
 
     Where the claim is `neutral`, one of a family of equilibria, it is compared with the nearest of them. With
     `touches` (in units of the cable, seen from the start clamp's point along world axes) the true
-    equilibrium is that which touches just there; whether it is stable is not found out then.
+    equilibrium is that which touches just there, or near by where they slide; whether it is stable is not
+    found out then.
     """
     # Units of the cable: length 1, bending stiffness 1.
     stiff = float(np.mean(rod.stiffness[:2]))
@@ -243,19 +200,34 @@ def refine(
         gap = shooting.gap(end_state, (r[1:], frames[1:], force[1:], moment[1:]))
         if not np.all(np.isfinite(gap)):
             break
-        held = [(at[k], normal_forces[k], *met[k]) for k in holding]
-        step, found = shooting.newton_step(maps, gap, scale, held, neutral)
+        ways = shooting.ways(end_state, jumps(met)[1:], load, compliance)
+        held = [
+            Held(
+                int(at[k]),
+                float(normal_forces[k]),
+                *met[k],
+                frames[at[k]][:, 2],
+                (ways[at[k] - 1], ways[at[k]]) if touches[k].slides else None,
+            )
+            for k in holding
+        ]
+        step, found, slid = shooting.newton_step(maps, gap, scale, held, neutral)
         pushes = np.zeros(len(touches))
         pushes[holding] = found
         if not np.all(np.isfinite(step)):
             break
         size = float(np.abs(step / scale).max())
         part = min(1.0, 0.4 / max(size, 1e-300))
+        for touch, way in zip(held, slid, strict=True):
+            part = min(part, 0.3 * float(h[touch.node - 1 : touch.node + 1].min()) / max(abs(way), 1e-300))
+        for touch, way in zip(held, slid, strict=True):
+            h[touch.node - 1] += part * way
+            h[touch.node] -= part * way
         step, normal_forces = part * step, normal_forces + part * pushes
         r, force, moment = r + step[:, :3], force + step[:, 6:9], moment + step[:, 9:]
         frames = Rotation.from_rotvec(step[:, 3:6]).as_matrix() @ frames
-        # Close to a fold rounding alone moves the step; closed gaps then say that it is done.
-        if size < 1e-10 or (size < 1e-5 and np.abs(gap / scale).max() < 1e-12):
+        # Normals of surfaces are known to 1e-9; close to a fold rounding alone moves the step; closed gaps then say that it is done.
+        if size < (1e-8 if touches else 1e-10) or (size < 1e-5 and np.abs(gap / scale).max() < 1e-12):
             converged = True
             break
     if not converged:
@@ -268,6 +240,7 @@ def refine(
         np.linalg.norm((claimed - true) * count) / max(np.linalg.norm(true * count), 1e-9 * units[0])
         for claimed, true in ((start_wrench, true_start), (end_wrench, true_end))
     ]
+    s = np.concatenate([[0.0], np.cumsum(h)])
     shape = Shape(
         s * rod.length,
         rod.start[:3] + r * rod.length,

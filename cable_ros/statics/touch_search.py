@@ -114,6 +114,26 @@ def flatten(q, h, s0, nodes, c, spacing, obstacles, depth, points, count):
 
 
 @njit(**OPTIONS)
+def minimum_beside(q, h, s0, nodes, c, samples, k, phi, obstacle):
+    """Arc length of a minimum of the gap that is nearer to sample k than to others; -1: none, or far off.
+
+    Two edges side by side have a minimum each, which the gaps phi (samples,) may not show: its slopes do.
+    """
+    low = 0.5 * (samples[k - 1] + samples[k]) if k > 1 else samples[0]
+    high = 0.5 * (samples[k] + samples[k + 1]) if k < samples.shape[0] - 2 else samples[k + 1]
+    # the curve has unit speed
+    if phi[k] > max(samples[k] - low, high - samples[k]):
+        return -1.0
+    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    _, down, _ = gap_at(q, h, s0, nodes, c, low, obstacle, r, t, dt, n, directions, bends)
+    _, up, _ = gap_at(q, h, s0, nodes, c, high, obstacle, r, t, dt, n, directions, bends)
+    if not down < 0.0 <= up:
+        return -1.0
+    return lowest(q, h, s0, nodes, c, 0.5 * (low + high), 0.5 * (high - low), obstacle)
+
+
+@njit(**OPTIONS)
 def revise(q, h, s0, N, nodes, primitives, c, cells, samples, obstacles, depth, points, count, phi):
     """Change the contacts at a solution with the last ones: let go what pulls, take in what is inside.
 
@@ -136,10 +156,9 @@ def revise(q, h, s0, N, nodes, primitives, c, cells, samples, obstacles, depth, 
     directions, bends = np.empty((2, 3)), np.empty(2)
     for o in range(obstacles.shape[0]):
         for k in range(1, m - 1):
-            # a minimum among the samples that could reach the surface: the curve has unit speed
-            if not (phi[o, k] < spacing and phi[o, k] <= phi[o, k - 1] and phi[o, k] <= phi[o, k + 1]):
+            s = minimum_beside(q, h, s0, nodes, c, samples, k, phi[o], obstacles[o])
+            if s < 0.0:
                 continue
-            s = lowest(q, h, s0, nodes, c, samples[k], spacing, obstacles[o])
             value, _, _ = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
             if value >= -depth:
                 continue
@@ -235,8 +254,8 @@ def dips(q, h, s0, nodes, c, samples, spacing, obstacles, phi, depth):
     directions, bends = np.empty((2, 3)), np.empty(2)
     for o in range(obstacles.shape[0]):
         for k in range(1, samples.shape[0] - 1):
-            if phi[o, k] < spacing and phi[o, k] <= phi[o, k - 1] and phi[o, k] <= phi[o, k + 1]:
-                s = lowest(q, h, s0, nodes, c, samples[k], spacing, obstacles[o])
+            s = minimum_beside(q, h, s0, nodes, c, samples, k, phi[o], obstacles[o])
+            if s >= 0.0:
                 value, _, _ = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
                 if value < -depth:
                     return True
