@@ -18,6 +18,7 @@ from cable_ros.self_contact import SPACING, closest_approach, warning
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
+from cable_ros.statics.detour import too_short
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.rod import NOTHING, Rod
 from cable_ros.statics.saddle import NEUTRAL
@@ -173,6 +174,17 @@ class Follower:
                 )
         return ""
 
+    def _barred(self, obstacles: np.ndarray, re: np.ndarray) -> str:
+        """A sentence where no way past the obstacles is as short as the cable."""
+        found = too_short(re, obstacles, self._reach)
+        if found is None:
+            return ""
+        missing, which = found
+        return (
+            f"Cable '{self.name}' is too short to get past obstacle '{self._names[which]}': the shortest way"
+            f" found between its clamps is {missing * self._units.length * 1e3:.4g} mm longer."
+        )
+
     def _far(
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
     ) -> Equilibrium:
@@ -241,7 +253,9 @@ class Follower:
                 )
             return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
         obstacles = conditions.obstacles
-        if obstacles is not None and (blocked := self._blocked(obstacles, conditions.re)):
+        if obstacles is not None and (
+            blocked := self._blocked(obstacles, conditions.re) or self._barred(obstacles, conditions.re)
+        ):
             return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
         found = equilibria(
             self._stiffness, self._natural, conditions, hint, self.tolerance, False, self._compliance

@@ -1,0 +1,95 @@
+"""Whether a cable is long enough to get past what is in its way: the length of a string pulled tight."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+from cable_ros.mechanics.effects.contact_kernels import across, gap
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+SIDES = 6
+"""Directions in which the string is led around; before them straight through, which goes where it is pushed."""
+PARTS = 40
+"""The string's straight parts."""
+SWEEPS, CHECK = 240, 8
+"""Most sweeps over the string, and how often it is looked at."""
+SLIGHT = 1e-4
+"""A way that is longer by no more than this, parts of the length, is not yet called too long."""
+STILL = 3e-6
+"""Sweeps that move nothing by more end the pulling, in lengths of the cable."""
+
+
+@njit(**OPTIONS)
+def pull_tight(r, obstacles, enough):
+    """Move the inner points r (n, 3) of a string until it is not longer than `enough` or as short as it gets.
+
+    Each point in turn goes beyond the middle of its neighbours (over-relaxation), then out of the obstacles.
+    Returns the length.
+    """
+    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+    last = r.shape[0] - 1
+    factor = 2.0 / (1.0 + np.sin(np.pi / last))
+    length, moved = np.inf, 0.0
+    before = np.empty(3)
+    for sweep in range(SWEEPS):
+        for i in range(1, last):
+            for a in range(3):
+                before[a] = r[i, a]
+                r[i, a] += factor * (0.5 * (r[i - 1, a] + r[i + 1, a]) - r[i, a])
+            for _ in range(2):
+                for o in range(obstacles.shape[0]):
+                    inside = gap(obstacles[o], r[i], n, directions, bends)
+                    if inside < 0.0:
+                        for a in range(3):
+                            r[i, a] -= inside * n[a]
+            for a in range(3):
+                moved = max(moved, abs(r[i, a] - before[a]))
+        if sweep % CHECK == CHECK - 1:
+            length = 0.0
+            for i in range(last):
+                length += np.sqrt(np.sum((r[i + 1] - r[i]) ** 2))
+            if length <= enough or moved < STILL:
+                break
+            moved = 0.0
+    return length
+
+
+@njit(**OPTIONS)
+def shortest_way(re, obstacles, enough):
+    """Length of the shortest way found from 0 to re (3,) outside the obstacles, and its points (n, 3).
+
+    The search ends with the first one that is not longer than `enough`.
+    """
+    sides = np.empty((2, 3))
+    across(re / max(np.sqrt(np.sum(re**2)), 1e-12), sides)
+    best, way = np.inf, np.empty((PARTS + 1, 3))
+    for k in range(SIDES + 1):
+        r = np.empty((PARTS + 1, 3))
+        angle = 2.0 * np.pi * k / SIDES
+        for i in range(PARTS + 1):
+            x = i / PARTS
+            out = 0.6 * np.sin(np.pi * x) if k > 0 else 0.0
+            for a in range(3):
+                r[i, a] = x * re[a] + out * (np.cos(angle) * sides[0, a] + np.sin(angle) * sides[1, a])
+        length = pull_tight(r, obstacles, enough)
+        if length < best:
+            best, way = length, r
+        if best <= enough:
+            break
+    return best, way
+
+
+def too_short(re: np.ndarray, obstacles: np.ndarray, reach: float) -> tuple[float, int] | None:
+    """How much longer than `reach` the shortest way past the obstacles (n, WIDTH) is; the nearest to it.
+
+    None where a shorter one was found. Units of the cable, start clamp's frame. Parts of the string that cut a
+    corner make it shorter than it is, never longer.
+    """
+    length, way = shortest_way(re, obstacles, reach + SLIGHT)
+    if length <= reach + SLIGHT:
+        return None
+    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+    nearest = [min(gap(one, r, n, directions, bends) for r in way[1:-1]) for one in obstacles]
+    return float(length) - reach, int(np.argmin(nearest))
