@@ -100,7 +100,9 @@ def flatten(q, h, s0, nodes, c, spacing, obstacles, depth, points, count):
     i = 0
     while i < count:
         if points[i, KIND] == POINT and points[i, FORCE] > 0.0:
-            o, s, P = int(points[i, OBSTACLE]), points[i, PLACE], points[i, FORCE]
+            o, P = int(points[i, OBSTACLE]), points[i, FORCE]
+            # where it is going to slide to: beside an edge the gap is curved as the face is
+            s = lowest(q, h, s0, nodes, c, points[i, PLACE], spacing, obstacles[o])
             _, _, curvature = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
             # the curvature rises by P/2 per length on both sides
             if curvature < 0.0 and -2.67 * curvature**3 > depth * P**2:
