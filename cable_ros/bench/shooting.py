@@ -161,10 +161,11 @@ def propagate(
     return last[:4], last[4]
 
 
-def ways(
-    ends: list[np.ndarray], pushed: np.ndarray, load: np.ndarray, compliance: np.ndarray
-) -> np.ndarray:
-    """(n, 12) how the end of each piece changes with its length; `ends` (n, ...) has what is `pushed` (n, 3)."""
+def ways(ends: list[np.ndarray], pushed: np.ndarray, load: np.ndarray, compliance: np.ndarray) -> np.ndarray:
+    """(n, 12) how the end of each piece changes with its length.
+
+    `ends` (n, ...) are behind what is `pushed` (n, 3) there.
+    """
     r, frame, force, moment = ends
     force = force + pushed
     t = frame[:, :, 2]
@@ -189,12 +190,13 @@ def newton_step(
     touches: Sequence[Held] = (),
     neutral: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Changes (n + 1, 12) of the nodes that close the gaps, both end poses held, of the touches' forces, places.
+    """Changes that close the gaps, both end poses held: of nodes (n + 1, 12), touches' forces, their places.
 
     delta_{i+1} - Phi_i delta_i = gap_i is a banded system: 17 diagonals on either side. Where it is all but
     singular, its null vector is what it answers to anything, and is taken out. A touch adds its force to the
     gap before its node, and a border that puts the node on the surface; one that slides a second, which makes
-    the rod tangent to the surface there, by longer pieces on one side of the node and shorter ones on the other.
+    the rod tangent to the surface there, by a longer piece on one side of the node and a shorter one on the
+    other.
     """
     n, sliding = len(maps), [touch for touch in touches if touch.ways is not None]
     m = len(touches) + len(sliding)

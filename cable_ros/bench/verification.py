@@ -226,7 +226,8 @@ def refine(
         step, normal_forces = part * step, normal_forces + part * pushes
         r, force, moment = r + step[:, :3], force + step[:, 6:9], moment + step[:, 9:]
         frames = Rotation.from_rotvec(step[:, 3:6]).as_matrix() @ frames
-        # Normals of surfaces are known to 1e-9; close to a fold rounding alone moves the step; closed gaps then say that it is done.
+        # Normals of surfaces are known to 1e-9. Close to a fold rounding alone moves the step; closed gaps
+        # then say that it is done.
         if size < (1e-8 if touches else 1e-10) or (size < 1e-5 and np.abs(gap / scale).max() < 1e-12):
             converged = True
             break

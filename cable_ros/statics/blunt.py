@@ -44,7 +44,7 @@ def blunted(obstacles: np.ndarray, part: float = 1.0) -> np.ndarray:
 def sharpen(
     rod: TouchingRod, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """From the equilibrium (q, F) among `blunted` obstacles to the one among `obstacles`; q, F, iterations."""
+    """From the equilibrium (q, F) among `blunted` obstacles to that among `obstacles`: q, F, iterations."""
     at, ratio, total = 1.0, 0.0, 0  # `ratio`: of the next rounding to the present one
     for _ in range(MOST_STEPS):
         target = ratio * at if ratio * at > FINEST else 0.0

@@ -10,7 +10,7 @@ from cable_ros.mechanics.effects.contact_kernels import across, gap
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 SIDES = 6
-"""Directions in which the string is led around; before them straight through, which goes where it is pushed."""
+"""Directions in which the string is led around; before them straight, which goes where it is pushed."""
 PARTS = 40
 """The string's straight parts."""
 SWEEPS, CHECK = 240, 8
@@ -84,8 +84,8 @@ def shortest_way(re, obstacles, enough):
 def too_short(re: np.ndarray, obstacles: np.ndarray, reach: float) -> tuple[float, int] | None:
     """How much longer than `reach` the shortest way past the obstacles (n, WIDTH) is; the nearest to it.
 
-    None where a shorter one was found. Units of the cable, start clamp's frame. Parts of the string that cut a
-    corner make it shorter than it is, never longer.
+    None where a shorter one was found. Units of the cable, start clamp's frame. Parts of the string that cut
+    a corner make it shorter than it is, never longer.
     """
     length, way = shortest_way(re, obstacles, reach + SLIGHT)
     if length <= reach + SLIGHT:

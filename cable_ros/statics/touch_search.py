@@ -106,6 +106,7 @@ def flatten(q, h, s0, nodes, c, spacing, obstacles, depth, points, count):
             _, _, curvature = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
             # the curvature rises by P/2 per length on both sides
             if curvature < 0.0 and -2.67 * curvature**3 > depth * P**2:
+                points[i, PLACE] = s
                 half = min(-2.0 * curvature / P, spacing, 0.45 * s, 0.45 * (1.0 - s))
                 count = lay(points, count, o, s - half, s + half)
                 changed = True
