@@ -17,6 +17,7 @@ from zoo_make import ARM, led
 
 from cable_ros.bench.carriage import JOINTS, carriage_urdf
 from cable_ros.bench.cases import Case
+from cable_ros.bench.contact_fuzz import contact_case
 from cable_ros.solve.status import Status
 
 BALL = {"name": "ball", "sphere": {"center": [0.092, 0.010, -0.095], "radius": 0.045}}
@@ -131,4 +132,27 @@ def drum() -> list[Case]:
     ]  # fmt: skip
 
 
-CONTACT: tuple[Case, ...] = (*ball(), *ground(), *drum())
+def by_chance() -> list[Case]:
+    """Scenes that random ones have been hard among: `cable bench robustness --seed S --only contact:I`."""
+    hard = (
+        ("both edges of a narrow box", 3, 19),
+        ("nearly taut over an edge and a bar", 3, 36),
+        ("an edge between two samples", 3, 124),
+        ("three edges", 3, 174),
+        ("between two small boxes", 29, 30),
+    )
+    cases = [replace(contact_case(seed, i, 1e-4), name=name, baselines=False) for name, seed, i in hard]
+    lost = replace(contact_case(29, 138, 1e-4), name="a ball too large to get past", baselines=False)
+    return [
+        *cases,
+        replace(
+            lost,
+            expected="reported, says by how much",
+            path=lost.path[:1],
+            statuses=(Status.OUT_OF_REACH,),
+            check=checks.says("too short to get past obstacle 'obstacle_1'"),
+        ),
+    ]
+
+
+CONTACT: tuple[Case, ...] = (*ball(), *ground(), *drum(), *by_chance())

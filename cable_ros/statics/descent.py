@@ -12,7 +12,6 @@ from cable_ros.statics.blunt import blunted, sharpen
 from cable_ros.statics.friction_kernels import FRICTIONLESS
 from cable_ros.statics.softened import Softened
 from cable_ros.statics.touch_points import FORCE, FRICTION, KIND, OBSTACLE, PLACE, POINT, TIE
-from cable_ros.statics.touch_search import MOST_SAMPLES, grid
 
 if TYPE_CHECKING:
     from cable_ros.statics.touching import TouchingRod
@@ -59,11 +58,10 @@ def _descend(
     """`descend` among the rod's obstacles as they are."""
     assert rod.obstacles is not None
     kept, mesh, total = rod.state(), rod.mesh, 0
-    samples = rod.samples
     for stage in range(first, len(SPRINGS)):
         stiffness = SPRINGS[stage]
         rod.count = 0
-        soft = Softened(rod, stiffness, samples)
+        soft = Softened(rod, stiffness)
         result = minimize(soft, q, F, options)
         total += result.iterations
         if not result.converged:
@@ -85,11 +83,6 @@ def _descend(
         )
         if code == compiled.ADVANCED:
             return q_new, F_new, total + iterations
-        if first == 0:
-            # an edge between two samples: look at it more closely
-            soft.linearize(q, F)
-            samples = np.empty(MOST_SAMPLES)
-            samples = samples[: grid(rod.points, rod.count, rod.cells, samples)]
     rod.restore(kept, mesh)
     return None
 
