@@ -69,15 +69,18 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
         points = [(c.arc_length, c.normal_force, c.friction) for c in mine if c.length == 0.0]
         for place, normal_force, friction in points:
             out.append(Touch(place / length, at, normal_force / unit, friction / unit))
-        for place, normal_force, friction in spread(mine, length):
+        for place, normal_force in spread(mine, length):
             # the clamp itself holds what is next to it
             holds = CLAMP < place / length < 1.0 - CLAMP
-            out.append(Touch(place / length, at, normal_force / unit, friction / unit, holds))
+            out.append(Touch(place / length, at, normal_force / unit, np.zeros(3), holds))
+        # friction remembers: it need not be smooth, and is taken as it is told
+        pressing = [c for c in mine if c.length > 0.0 and c.friction.any()]
+        out += [Touch(c.arc_length / length, at, 0.0, c.friction / unit, holds=False) for c in pressing]
     return out
 
 
-def spread(contacts: Sequence[Contact], length: float) -> list[tuple[float, float, np.ndarray]]:
-    """Place, m, normal force and friction (3,), N, of many forces that make up the pressure on one obstacle.
+def spread(contacts: Sequence[Contact], length: float) -> list[tuple[float, float]]:
+    """Place, m, and normal force, N, of many forces that make up the pressure on one obstacle.
 
     Between the contacts that have a length it is interpolated; the sum stays theirs. `length` is the cable's.
     """
@@ -98,12 +101,10 @@ def spread(contacts: Sequence[Contact], length: float) -> list[tuple[float, floa
         low = max(near, default=run[0].arc_length - 0.4 * run[0].length)
         cells = max(len(run), math.ceil(lengths.sum() / (CELL * length)))
         at = low + lengths.sum() * (np.arange(cells) + 0.5) / cells
-        told = np.array([[c.normal_force, *c.friction] for c in run])
-        places = [c.arc_length for c in run]
-        forces = np.stack([np.interp(at, places, column) for column in (told / lengths[:, None]).T], axis=1)
-        forces *= lengths.sum() / cells
-        forces += (told.sum(axis=0) - forces.sum(axis=0)) / cells
-        out += [(float(s), float(force[0]), force[1:]) for s, force in zip(at, forces, strict=True)]
+        told = np.array([c.normal_force for c in run])
+        forces = np.interp(at, [c.arc_length for c in run], told / lengths) * lengths.sum() / cells
+        forces += (told.sum() - forces.sum()) / cells
+        out += list(zip(at.tolist(), forces.tolist(), strict=True))
     return out
 
 
