@@ -13,6 +13,8 @@ SIDES = 6
 """Directions in which the string is led around; before them straight, which goes where it is pushed."""
 PARTS = 40
 """The string's straight parts."""
+CUT = 0.01
+"""Deeper inside than this no part of the string cuts a corner: it goes through, in lengths of the cable."""
 SWEEPS, CHECK = 240, 8
 """Most sweeps over the string, and how often it is looked at."""
 SLIGHT = 1e-4
@@ -26,7 +28,7 @@ def pull_tight(r, obstacles, enough):
     """Move the inner points r (n, 3) of a string until it is not longer than `enough` or as short as it gets.
 
     Each point in turn goes beyond the middle of its neighbours (over-relaxation), then out of the obstacles.
-    Returns the length.
+    Returns the length; infinity where a part of it goes through one.
     """
     n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
     last = r.shape[0] - 1
@@ -53,6 +55,13 @@ def pull_tight(r, obstacles, enough):
             if length <= enough or moved < STILL:
                 break
             moved = 0.0
+    for i in range(last):
+        for x in (0.25, 0.5, 0.75):
+            for a in range(3):
+                before[a] = (1.0 - x) * r[i, a] + x * r[i + 1, a]
+            for o in range(obstacles.shape[0]):
+                if gap(obstacles[o], before, n, directions, bends) < -CUT:
+                    return np.inf
     return length
 
 
@@ -89,6 +98,8 @@ def too_short(re: np.ndarray, obstacles: np.ndarray, reach: float) -> tuple[floa
     """
     length, way = shortest_way(re, obstacles, reach + SLIGHT)
     if length <= reach + SLIGHT:
+        return None
+    if length == np.inf:
         return None
     n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
     nearest = [min(gap(one, r, n, directions, bends) for r in way[1:-1]) for one in obstacles]

@@ -53,14 +53,14 @@ def test_a_free_way_is_the_chord() -> None:
 
 
 def test_only_where_no_way_is_short_enough() -> None:
-    wall = obstacle(BOX, (0.45, 0.0, 0.0), 0.01, 0.2, 5.0)
-    around = 2.0 * np.hypot(0.44, 0.2) + 0.02
+    wall = obstacle(BOX, (0.45, 0.0, 0.0), 0.05, 0.2, 5.0)
+    around = 2.0 * np.hypot(0.4, 0.2) + 0.1
     assert too_short(END, np.array([wall]), around + 1e-3) is None
-    found = too_short(END, np.array([wall]), around - 5e-3)
+    found = too_short(END, np.array([wall]), around - 2e-2)
     assert found is not None
     missing, which = found
-    # a corner is cut by at most a part of the string, see above
-    assert missing == pytest.approx(5e-3, abs=2e-3)
+    # each corner is cut by at most a part of the string: 1/PARTS by 0.23 rad from its face
+    assert missing == pytest.approx(2e-2, abs=2e-3)
     assert which == 0
 
 
