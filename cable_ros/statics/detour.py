@@ -24,7 +24,7 @@ STILL = 3e-6
 
 
 @njit(**OPTIONS)
-def pull_tight(r, obstacles, enough):
+def pull_tight(r: np.ndarray, obstacles: np.ndarray, enough: float) -> float:
     """Move the inner points r (n, 3) of a string until it is not longer than `enough` or as short as it gets.
 
     Each point in turn goes beyond the middle of its neighbours (over-relaxation), then out of the obstacles.
@@ -66,7 +66,7 @@ def pull_tight(r, obstacles, enough):
 
 
 @njit(**OPTIONS)
-def shortest_way(re, obstacles, enough):
+def shortest_way(re: np.ndarray, obstacles: np.ndarray, enough: float) -> tuple[float, np.ndarray]:
     """Length of the shortest way found from 0 to re (3,) outside the obstacles, and its points (n, 3).
 
     The search ends with the first one that is not longer than `enough`.

@@ -35,13 +35,11 @@ class Softened:
     Args:
         rod: the rod, whose contact points it uses up.
         stiffness: of the springs per length, EI / L^4.
-        samples: (m,) arc lengths where they stand; the rod's own where they are not given.
     """
 
-    def __init__(self, rod: TouchingRod, stiffness: float, samples: np.ndarray | None = None) -> None:
+    def __init__(self, rod: TouchingRod, stiffness: float) -> None:
         self.rod, self.stiffness = rod, stiffness
-        self.samples = rod.samples if samples is None else samples
-        self.phi = np.empty((0 if rod.obstacles is None else len(rod.obstacles), len(self.samples)))
+        self.phi = np.empty((0 if rod.obstacles is None else len(rod.obstacles), len(rod.samples)))
         self.retract, self.derivative, self.norm = rod.retract, rod.derivative, rod.norm
         self.normal_step = rod.normal_step
 
@@ -49,7 +47,7 @@ class Softened:
         """Set the rod's contact points to the samples inside at x; returns the springs' energy."""
         rod = self.rod
         curve(x, rod.h, rod.tables[0], rod.primitives, rod.c)
-        rod.count = press(rod.c, rod.h, rod.s0, self.samples, rod.obstacles, rod.points, self.phi,
+        rod.count = press(rod.c, rod.h, rod.s0, rod.samples, rod.obstacles, rod.points, self.phi,
                           self.stiffness)  # fmt: skip
         springs = rod.points[: rod.count]
         return 0.5 * float((springs[:, FORCE] ** 2 / springs[:, LENGTH]).sum()) / self.stiffness

@@ -29,9 +29,6 @@ from cable_ros.statics.touch_stretches import CLAMPED, SAMPLES, grounded, inside
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
-FINE = 16
-"""Samples for one elsewhere where something between two of them is missed."""
-MOST_SAMPLES = 2400
 LONG = 4.0
 """What is inside over so many samples is no point contact."""
 
@@ -49,27 +46,6 @@ def scan(c, h, s0, samples, obstacles, phi):
             if 0 < k < samples.shape[0] - 1:
                 smallest = min(smallest, phi[o, k])
     return smallest
-
-
-@njit(**OPTIONS)
-def grid(points, count, cells, samples):
-    """Where contact is looked for: `cells` equal parts of the length, finer about the contact points.
-
-    Writes to `samples` (MOST_SAMPLES,), rising; returns their number.
-    """
-    fine = np.zeros(cells, np.bool_)
-    for i in range(count):
-        at = int(points[i, PLACE] * cells + 1e-9)
-        for k in range(max(0, at - 2), min(cells, at + 3)):
-            fine[k] = True
-    m = 0
-    for k in range(cells):
-        parts = FINE if fine[k] and m + FINE + cells < samples.shape[0] else 1
-        for j in range(parts):
-            samples[m] = (k + j / parts) / cells
-            m += 1
-    samples[m] = 1.0
-    return m + 1
 
 
 @njit(**OPTIONS)
