@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import root
+from scipy.optimize import brentq, root
 from scipy.special import ellipe, ellipeinc, ellipj, ellipk
 
 from references.planar import STIFF
@@ -164,6 +164,37 @@ def draped(
         tension,
         (28.0, 32.0),
         weight,
+        angle=wrap / 2,
+        friction=friction,
+    )
+
+
+def capstan(pull: float, friction: float, radius: float = 0.15, wrap: float = 1.4) -> Touching:
+    """Weightless taut rod over a drum, as `draped`, sliding: `pull` is the force in the first span.
+
+    A straight span under the force F ends in a layer of the angle d between F and the tangent at lift-off:
+    kappa^2 / 2 + F . t is constant along it, so EI / (2 R^2) = F (1 - cos d). What of the wrap the layers
+    take the point forces' own friction makes up for, to first order in d: with theta the angle between the
+    forces of both spans log(F2 / F1) = mu theta + (1 + mu^2) / 2 (d2^2 - d1^2) + O(d^3).
+    """
+
+    def layer(force: float) -> float:
+        return float(np.arccos(1 - 1 / (2 * radius**2 * force)))
+
+    def inside(force: float, sense: float) -> float:
+        d = layer(force)
+        return force * (np.cos(d) + sense * friction * np.sin(d))
+
+    tension = inside(pull, 1.0)
+    last = brentq(lambda f: inside(f, -1.0) - tension * np.exp(friction * wrap), 0.1 * pull, 10 * pull)
+    span = 0.5 * (1 - radius * wrap)
+    return manufacture(
+        (span, span),
+        radius * wrap,
+        -1.0 / radius,
+        tension,
+        (pull * np.sin(layer(pull)), last * np.sin(layer(last))),
+        0.0,
         angle=wrap / 2,
         friction=friction,
     )
