@@ -42,7 +42,7 @@ def _rates(_: float, u: np.ndarray, w: float) -> list[float]:
     return [c, s, u[3], u[4] * s - u[5] * c, 0.0, w]
 
 
-def _span(state: np.ndarray, length: float, w: float) -> np.ndarray:
+def span(state: np.ndarray, length: float, w: float) -> np.ndarray:
     """(6, 200) free span from a lift-off; a negative length goes against the arc length."""
     if length == 0:
         return np.tile(state[:, None], (1, 2))
@@ -97,8 +97,8 @@ def manufacture(
     n2 = np.array([-t2[1], t2[0]])
     before = tension * t + point_forces[0] * (n - friction * t)
     after = pull * t2 - point_forces[1] * (n2 - friction * t2)
-    left = _span(np.array([0, 0, angle, kappa, *before]), -spans[0], weight)
-    right = _span(np.array([x, y, theta, kappa, *after]), spans[1], weight)
+    left = span(np.array([0, 0, angle, kappa, *before]), -spans[0], weight)
+    right = span(np.array([x, y, theta, kappa, *after]), spans[1], weight)
 
     unit = bending / length**2
     a, b = left[:, -1], right[:, -1]
@@ -187,9 +187,9 @@ def capstan(pull: float, friction: float, radius: float = 0.15, wrap: float = 1.
 
     tension = inside(pull, 1.0)
     last = brentq(lambda f: inside(f, -1.0) - tension * np.exp(friction * wrap), 0.1 * pull, 10 * pull)
-    span = 0.5 * (1 - radius * wrap)
+    each = 0.5 * (1 - radius * wrap)
     return manufacture(
-        (span, span),
+        (each, each),
         radius * wrap,
         -1.0 / radius,
         tension,

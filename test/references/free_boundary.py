@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import solve_bvp
 from scipy.optimize import root
 
-from references.contact import Touching, manufacture
+from references.contact import Touching, manufacture, span
 from references.reference import Reference
 
 
@@ -154,6 +154,44 @@ def walk(
     return out
 
 
+def stuck(
+    lying: Lying, clamps: tuple[np.ndarray, np.ndarray], surface: Surface, weight: float, turn: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """What the rod becomes that sticks to a cylinder while this turns by `turn`, rad about Z, from `lying`.
+
+    Each span by itself: it lifts off at the place of the cylinder where its material lies, with no moment to
+    spare, and the force it takes up there is its own. Exact while the friction at both lift-offs, which bears
+    all that the forces change along the tangent, is within the cone.
+
+    Returns the forces (2,) of the rod at both clamps, F just inside the start and the end clamp, and the
+    friction needed, the largest part of a point force. Raises ValueError where no solution is found.
+    """
+    forces, needed = [], 0.0
+    along = 1.0 - lying.before - lying.after
+    pulls = lying.tension, surface.tension(lying.place, along, lying.tension, weight, 0.0)
+    for sign, length, target, pull, push in (
+        (-1.0, lying.before, clamps[0], pulls[0], lying.first),
+        (1.0, lying.after, clamps[1], pulls[1], lying.last),
+    ):
+
+        def shape(x: np.ndarray, sign: float = sign) -> np.ndarray:
+            s = x[0] if sign < 0 else 1.0 - x[0]
+            theta = lying.place + turn + surface.curvature * (s - lying.before)
+            t, n = np.array([np.cos(theta), np.sin(theta)]), np.array([-np.sin(theta), np.cos(theta)])
+            force = x[1] * t - sign * x[2] * n
+            state = np.array([*surface.point(theta), theta, surface.curvature, *force])
+            return span(state, sign * x[0], weight)[:, -1]
+
+        found = root(
+            lambda x, shape=shape, target=target: _off(shape(x)[:3], target), [length, pull, push], tol=1e-12
+        )
+        if not np.abs(_off(shape(found.x)[:3], target)).max() < 1e-10:
+            raise ValueError(f"No rod sticks to the cylinder so far turned: {found.message}")
+        forces.append(shape(found.x)[4:])
+        needed = max(needed, abs(found.x[1] - pull) / found.x[2])
+    return forces[0], forces[1], needed
+
+
 def collocate(
     clamps: tuple[np.ndarray, np.ndarray],
     guess: Lying,
@@ -189,7 +227,7 @@ def collocate(
             out.append(size * t + push * (n - friction * t))
         return out[0], out[1]
 
-    def span(s: np.ndarray, u: np.ndarray, length: float, force: np.ndarray, at: float) -> np.ndarray:
+    def spread(s: np.ndarray, u: np.ndarray, length: float, force: np.ndarray, at: float) -> np.ndarray:
         c, sn = np.cos(u[2]), np.sin(u[2])
         fy = force[1] + weight * length * (s - at)
         return length * np.array([c, sn, u[3], force[0] * sn - fy * c])
@@ -197,9 +235,9 @@ def collocate(
     def rates(s: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         one = unpack(p)
         left, right = forces(one)
-        parts = [span(s, u[-4:], one.after, right, 0.0)]
+        parts = [spread(s, u[-4:], one.after, right, 0.0)]
         if not lies:
-            parts.insert(0, span(s, u[:4], one.before, left, 1.0))
+            parts.insert(0, spread(s, u[:4], one.before, left, 1.0))
         return np.vstack(parts)
 
     def ends(a: np.ndarray, b: np.ndarray, p: np.ndarray) -> np.ndarray:
