@@ -298,8 +298,9 @@ class Follower:
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
         self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints
-        if isinstance(found.rod, TouchingRod):
-            found.rod.model = self._model
+        if isinstance(found.rod, TouchingRod) and found.rod.model != self._model:
+            # its factors are those without friction
+            found.rod.model, found.rod.ready = self._model, False
         self._resolved = self.tolerance
 
     def _finish(

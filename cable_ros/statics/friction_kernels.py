@@ -1,7 +1,8 @@
 """Compiled: Coulomb friction of a contact point.
 
 An elastic-plastic law for the increment since the last equilibrium: stick is a stiff spring, slip a force of
-the cone's size against the increment (return mapping). Units of the cable, start clamp's frame.
+the cone's size against the increment. What sticks has its force as an unknown: by that, not by an increment
+times the spring's stiffness, is seen whether it stays in the cone. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -9,22 +10,25 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.statics.touch_points import FORCE, FRICTION
+from cable_ros.statics.touch_points import FORCE, FRICTION, SLIPS
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+ROUNDING = 1e-10
+"""Of the cone, so that what is on its edge does not change sides for ever."""
 FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
 STICK = 1e6
 """Stiffness of stick, EI / L^3: what sticks creeps by 1e-6 of the length per unit of force."""
 
 
 @njit(**OPTIONS)
-def rub(points, i, n, t, mu, model, step, turned, sense, limit):
+def rub(points, i, n, t, mu, model, step, turned, sense, anew, limit):
     """Friction on contact point i after the increment `step` (3,) over the obstacle; writes it to `points`.
 
     `turned` (3,): the friction before, turned with the obstacle; `sense` (3,): which way the end goes, its
-    length the part of the friction that is mobilised. `limit` (7,) receives the tangent: direction of the
-    slip force (3; zero: stick), direction across it (3), stiffness across.
+    length the part of the friction that is mobilised; `anew`: begin with the friction before, sticking or
+    slipping as then. `limit` (7,) receives the tangent: direction of the slip force (3; zero: stick),
+    direction across it (3), stiffness across. Returns whether stick has become slip or the reverse.
     """
     for a in range(7):
         limit[a] = 0.0
@@ -37,22 +41,38 @@ def rub(points, i, n, t, mu, model, step, turned, sense, limit):
         for a in range(3):
             limit[a] = 0.0 if size == 0.0 else share * side[a] / size
             points[i, FRICTION + a] = cone * limit[a]
-        return
-    trial = np.empty(3)
-    normal = 0.0
+        return False
+    force, trial = np.empty(3), np.empty(3)
+    off, normal = 0.0, 0.0
     for a in range(3):
+        force[a] = turned[a] if anew else points[i, FRICTION + a]
         trial[a] = turned[a] - STICK * step[a]
+        off += force[a] * n[a]
         normal += trial[a] * n[a]
-    size = 0.0
+    held, size, along = 0.0, 0.0, 0.0
     for a in range(3):
+        force[a] -= off * n[a]
         trial[a] -= normal * n[a]
+        held += force[a] * force[a]
         size += trial[a] * trial[a]
-    size = np.sqrt(size)
-    if size <= cone:
+        along += force[a] * trial[a]
+    held, size = np.sqrt(held), np.sqrt(size)
+    slips = points[i, SLIPS] == 1.0
+    if not slips and held > (1.0 + ROUNDING) * cone and held > 0.0 and not anew:
+        points[i, SLIPS] = 1.0
+        trial[:] = force
+        size = held
+    elif slips and not anew and (size < (1.0 - ROUNDING) * cone or along <= 0.0):
+        points[i, SLIPS] = 0.0
+    elif slips and anew:
+        trial[:] = force
+        size = held
+    if points[i, SLIPS] == 0.0 or size == 0.0:
+        points[i, SLIPS] = 0.0
         limit[6] = STICK
         for a in range(3):
-            points[i, FRICTION + a] = trial[a]
-        return
+            points[i, FRICTION + a] = force[a]
+        return slips
     for a in range(3):
         limit[a] = trial[a] / size
         points[i, FRICTION + a] = cone * limit[a]
@@ -60,6 +80,7 @@ def rub(points, i, n, t, mu, model, step, turned, sense, limit):
     limit[4] = n[2] * limit[0] - n[0] * limit[2]
     limit[5] = n[0] * limit[1] - n[1] * limit[0]
     limit[6] = STICK * cone / size
+    return not slips
 
 
 @njit(**OPTIONS)

@@ -12,7 +12,7 @@ from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TO
 from cable_ros.statics.friction_kernels import FRICTIONLESS
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
 from cable_ros.statics.touch_places import place_points
-from cable_ros.statics.touch_points import FORCE, FRICTION, HELD, KIND, SAMPLE
+from cable_ros.statics.touch_points import FORCE, FRICTION, GRIP, HELD, KIND, SAMPLE
 from cable_ros.statics.touch_search import flatten, revise
 from cable_ros.statics.touch_stretches import SAMPLES, coarse, cover, fill, move_ends
 from cable_ros.statics.touch_system import system
@@ -93,11 +93,12 @@ def touch(
                 changes, count = fill(points, count, h, s0, covered)
                 changes += flattened
             full = not (lift and ready)
-            known, same = system(
+            known, same, flips = system(
                 q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
-                old_s0, old_obstacles, sense, model, points, count, gaps, normals,
+                old_s0, old_obstacles, sense, model, lift, points, count, gaps, normals,
                 acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
             )  # fmt: skip
+            changes += flips
             if full:
                 rows = known
             if full and same:
@@ -129,6 +130,10 @@ def touch(
                 change = max(change, abs(y[a]))
             for i in range(count):
                 points[i, FORCE] += y[3 + i]
+                k = int(points[i, GRIP])
+                if k > 0:
+                    for a in range(3):
+                        points[i, FRICTION + a] += y[k] * lines[k, a] + y[k + 1] * lines[k + 1, a]
                 if points[i, KIND] != SAMPLE:
                     change = max(change, abs(y[3 + i]))
             new = max(new, change / scale, move_ends(points, count, y, spacing))
@@ -153,7 +158,7 @@ def touch(
                 return NOT_CONVEX, total, count, rows, moved
             system(
                 q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
-                old_s0, old_obstacles, sense, model, points, count, gaps, normals,
+                old_s0, old_obstacles, sense, model, False, points, count, gaps, normals,
                 acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, False,
             )  # fmt: skip
             return ADVANCED, total, count, rows, moved

@@ -12,12 +12,13 @@ import numpy as np
 from cable_ros.compilation import njit
 from cable_ros.mechanics.effects.contact_kernels import across, find_element, position, pull, shape, tangent
 from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_derivative
-from cable_ros.statics.friction_kernels import FRICTIONLESS, carry, rub
+from cable_ros.statics.friction_kernels import FRICTIONLESS, STICK, carry, rub
 from cable_ros.statics.touch_places import gap_at
 from cable_ros.statics.touch_points import (
     FIRST,
     FORCE,
     FRICTION,
+    GRIP,
     HELD,
     KIND,
     LENGTH,
@@ -73,19 +74,21 @@ def part(primitives, k, x):
 @njit(**OPTIONS)
 def system(
     q, F, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h, old_s0, old_obstacles,
-    sense, model, points, count, gaps, normals,
+    sense, model, anew, points, count, gaps, normals,
     acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
 ):  # fmt: skip
     """Gradient, and where `full` the Hessian with its borders, at (q, F) with `count` contact points.
 
     `gaps` receives the constraints: gaps (count), then zeros but for the slopes of the gap along the cable,
-    which vanish where stretches end and where a point has slid to. `V` (rows, 3n) receives their derivatives:
-    end position (3), gaps (count), then a row for each slope, and for each direction in which a gap is curved
-    or friction is stiff, with its weight's inverse in `delta`; `W` the directions in which the multipliers
-    act, the same but where friction follows the normal force; `lines`
+    which vanish where stretches end and where a point has slid to, and what is amiss with the springs of what
+    sticks. `V` (rows, 3n) receives their derivatives: end position (3), gaps (count), then a row for each
+    slope, and for each direction in which a gap is curved or friction is stiff, with its weight's inverse in
+    `delta`; `W` the directions in which the multipliers act, the same but where friction follows the normal
+    force; `lines`
     (rows, 3) the direction that each reads the position in, of the point before which there are `upto`
     (rows,) elements. `old_c`, `old_h`, `old_s0` are the curve of the last equilibrium, `old_obstacles` where
-    they were. Returns (rows, whether W is V).
+    they were; `anew`: friction is at first what it was there. Returns (rows, whether W is V, how many points
+    began to stick or to slip).
     """
     N, dN, N3, dN3, gauss, weights = tables
     order = N.shape[1] - 1
@@ -100,6 +103,8 @@ def system(
     slopes = np.zeros((size, 3))
     limits = np.zeros((size, 7))
     tilts = np.empty(size)
+    amiss = np.zeros((size, 3))
+    flips = 0
     for i in range(count):
         o = int(points[i, OBSTACLE])
         ob = obstacles[o]
@@ -123,12 +128,16 @@ def system(
             carry(old_obstacles[o], ob, before, turned)
             for a in range(3):
                 before[a] = r[a] - before[a]
-            rub(points, i, n, t, ob[17], model, before, turned, sense, limits[i])
+            flips += rub(points, i, n, t, ob[17], model, before, turned, sense, anew, limits[i])
+            for a in range(3):
+                amiss[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / STICK
     Fe = np.empty((h.shape[0], 3))
     point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc)
     gradient(q, Fe, f, K, kappa0, h, s0, N, dN, gauss, weights, acc, g, radial, totals)
     if not full:
-        return 3 + count, True
+        for i in range(count):
+            grip(points, i, amiss, lines, gaps)
+        return 3 + count, True, flips
     hessian(q, Fe, f, K, kappa0, h, s0, N, dN, N3, dN3, gauss, weights, radial, elastic, geometric, parts, C)
     columns = C.shape[1]
     for a in range(3):
@@ -185,6 +194,7 @@ def system(
         lines[3 + i] = normals[i]
         begin = rows
         upto[3 + i] = e
+        points[i, GRIP] = 0.0
         slip = limits[i, 0] != 0.0 or limits[i, 1] != 0.0 or limits[i, 2] != 0.0
         if slip:
             same = False
@@ -203,6 +213,7 @@ def system(
                 rows += 1
             else:
                 across(normals[i], directions)
+                points[i, GRIP] = rows
                 for k in range(2):
                     row(V, rows, directions[k], way)
                     lines[rows] = directions[k]
@@ -234,7 +245,18 @@ def system(
         W[b] = V[b]
     for b in range(3 + count, rows):
         W[b] = V[b]
-    return rows, same
+    for i in range(count):
+        grip(points, i, amiss, lines, gaps)
+    return rows, same, flips
+
+
+@njit(**OPTIONS)
+def grip(points, i, amiss, lines, gaps):
+    """What is amiss (count, 3) with the springs of point i, if it sticks, along the two that hold it."""
+    b = int(points[i, GRIP])
+    if b > 0:
+        for k in range(b, b + 2):
+            gaps[k - 3] = amiss[i, 0] * lines[k, 0] + amiss[i, 1] * lines[k, 1] + amiss[i, 2] * lines[k, 2]
 
 
 @njit(**OPTIONS)

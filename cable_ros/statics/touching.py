@@ -310,10 +310,10 @@ class TouchingRod(Rod):
 
     def system(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
         """Gradient, Hessian and borders at (q, F) with the contact points as they are; number of borders."""
-        rows, _ = system(
+        rows, _, _ = system(
             q, F, self.f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
             self.primitives, self.c, self.obstacles, self.c, self.h, self.s0, self.obstacles, self.sense,
-            model, self.points, self.count, self.gaps, self.normals, self.acc, self.g, self.radial,
+            model, False, self.points, self.count, self.gaps, self.normals, self.acc, self.g, self.radial,
             self.totals, self.elastic, self.geometric, self.parts, self.C, self.V, self.W, self.delta,
             self.lines, self.upto, True,
         )  # fmt: skip
