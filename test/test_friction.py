@@ -100,7 +100,7 @@ def test_what_sticks_comes_back() -> None:
     small = follow(on_drum(draped(0.0), MU), "turn", [0.0, 1e-4, 2e-4, 1e-4, 0.0])
     rest = small[0].end_wrench
     first, second = (error(one.end_wrench, rest) for one in small[1:3])
-    # 2e-4 rad move the rod by 3e-5: the drum carries it along, in proportion but for the ends, which slip first
+    # 2e-4 rad move the rod by 3e-5: the drum carries it along
     assert first > 1e-5
     assert second == pytest.approx(2 * first, rel=0.2)
     assert not all(touch.sliding for touch in small[2].contacts)

@@ -17,8 +17,8 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 ROUNDING = 1e-10
 """Of the cone, so that what is on its edge does not change sides for ever."""
 FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
-STICK = 1e6
-"""Stiffness of stick, EI / L^3: what sticks creeps by 1e-6 of the length per unit of force."""
+STICK = 1e8
+"""Stiffness of stick, EI / L^3: what sticks gives way by 1e-8 of the length per unit of force."""
 
 
 @njit(**OPTIONS)
