@@ -26,8 +26,6 @@ DESCENT = Options(
 """For a descent that must not leave its valley."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
-SMALL = 2e-3
-"""Motion of a step, in lengths of the cable and rad, below which even friction is given up for an answer."""
 
 
 def descend(
@@ -99,8 +97,8 @@ def give_way(
     way = float(np.abs(re - rod.re).max() + np.abs(obstacles[:, 1:13] - rod.obstacles[:, 1:13]).max())
     end = qe if q[-1] @ qe > 0.0 else -qe
     way += 2.0 * float(np.abs(q[-1] - end).max())
-    if rod.model != FRICTIONLESS and way > SMALL:
-        return failed  # a descent knows nothing of friction: smaller steps may do without it
+    if rod.model != FRICTIONLESS:
+        return failed  # a descent knows nothing of friction, which is never forgotten on the way
     if rod.patience <= 0:
         return failed
     rod.patience -= 1
