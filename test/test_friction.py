@@ -13,15 +13,17 @@ from functools import cache
 import numpy as np
 import pytest
 from references import contact
-from references.free_boundary import GROUND, Lying, Surface, clamp, meet
-from references.reference import Reference
+from references.free_boundary import GROUND, Lying, Surface, clamp, meet, stuck
+from references.reference import Reference, planar_frame
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 
 MU, RADIUS, WRAP = 0.35, 0.15, 1.4
 CENTRE = contact.cylinder_centre(RADIUS, WRAP)
-REACHED = 5e-3
-"""Relative error of a wrench that is had on a stretch held by springs at samples; measured: up to 4e-3."""
+REACHED = 1e-4
+"""Relative error of a wrench: the tolerance asked for."""
+STUCK = 5e-5
+"""What a stick of 1e8 EI / L^3 gives way adds to it, at most, where nearly all slips; measured: 2e-5."""
 ROOM = 1e-6
 """Of the cone, for rounding."""
 
@@ -57,16 +59,23 @@ def on_drum(reference: Reference, friction: float, tolerance: float = 1e-4) -> T
     return tracker(reference, drum, moved("turn", "continuous", "0 0 1", (*CENTRE, 0.0)), tolerance)
 
 
+DRUM = Surface((float(CENTRE[0]), float(CENTRE[1])), RADIUS)
+ENDS = clamp(contact.draped().reference.start), clamp(contact.draped().reference.end)
+
+
 @cache
-def draped(friction: float) -> Reference:
+def draped(friction: float) -> tuple[Lying, Reference]:
     """The rod between the clamps of `contact.draped` with friction mobilised, by boundary values."""
-    ends = [clamp(pose) for pose in (contact.draped().reference.start, contact.draped().reference.end)]
     found = Lying(0.45 * (1 - 0.21), 0.55 * (1 - 0.21), 0.7, 12.0, 28.0, 32.0)
     for part in (0.0, 0.5, 1.0):
-        found, reference = meet(
-            (ends[0], ends[1]), found, Surface(tuple(CENTRE), RADIUS), 20.0, part * friction
-        )
-    return reference
+        found, reference = meet(ENDS, found, DRUM, 20.0, part * friction)
+    return found, reference
+
+
+def off_stuck(found: Equilibrium, lying: Lying, turn: float) -> float:
+    """Relative error of the end force of a rod that has stuck to the drum since `lying`."""
+    _, force, _ = stuck(lying, ENDS, DRUM, 20.0, turn)
+    return error(-(planar_frame(ENDS[1][2]) @ found.end_wrench[:3])[:2], force)
 
 
 def error(found: np.ndarray, exact: np.ndarray) -> float:
@@ -81,34 +90,55 @@ def keeps_the_cone(found: Equilibrium, friction: float) -> None:
 
 
 def test_a_drum_turned_under_the_rod_there_and_back() -> None:
-    there = np.array([0.0, 0.02, 0.04, 0.06])
-    back = np.linspace(0.04, -0.06, 6)
-    again = np.linspace(-0.04, 0.06, 6)
-    found = follow(on_drum(draped(0.0), MU), "turn", [*there, *back, *again])
-    assert error(found[0].end_wrench, draped(0.0).end_wrench) < REACHED
-    for one, friction in ((found[3], MU), (found[9], -MU), (found[15], MU)):
-        assert error(one.end_wrench, draped(friction).end_wrench) < REACHED
-        assert error(one.start_wrench, draped(friction).start_wrench) < REACHED
+    there = np.array([0.0, 0.02, 0.04])
+    back = np.linspace(0.02, -0.04, 4)
+    again = np.linspace(-0.02, 0.04, 4)
+    found = follow(on_drum(draped(0.0)[1], MU), "turn", [*there, *back, *again])
+    assert error(found[0].end_wrench, draped(0.0)[1].end_wrench) < REACHED
+    for one, friction in ((found[2], MU), (found[6], -MU), (found[10], MU)):
+        exact = draped(friction)[1]
+        assert error(one.end_wrench, exact.end_wrench) < REACHED
+        assert error(one.start_wrench, exact.start_wrench) < REACHED
         assert all(touch.sliding for touch in one.contacts)
     for one in found:
         keeps_the_cone(one, MU)
     # the way there is forgotten: the second time round is the first
-    assert error(found[15].end_wrench, found[3].end_wrench) < REACHED
+    assert found[10].end_wrench == pytest.approx(found[2].end_wrench, abs=1e-5 * 42.0)
 
 
-def test_what_sticks_comes_back() -> None:
-    small = follow(on_drum(draped(0.0), MU), "turn", [0.0, 1e-4, 2e-4, 1e-4, 0.0])
-    rest = small[0].end_wrench
-    first, second = (error(one.end_wrench, rest) for one in small[1:3])
-    # 2e-4 rad move the rod by 3e-5: the drum carries it along
-    assert first > 1e-5
-    assert second == pytest.approx(2 * first, rel=0.2)
-    assert not all(touch.sliding for touch in small[2].contacts)
-    # what slipped at the ends does not come back, the rest does
-    assert error(small[4].end_wrench, rest) < 0.2 * second
-    for one in small:
-        if one.contacts:
-            keeps_the_cone(one, MU)
+def test_what_sticks_is_carried_along_until_all_of_it_slips() -> None:
+    turns = np.arange(0.0, 0.0126, 5e-4)
+    found = follow(on_drum(draped(0.0)[1], MU), "turn", turns)
+    for turn, one in zip(turns, found, strict=True):
+        keeps_the_cone(one, MU)
+        # at 0.0097 rad the force is that of the drum that slips all along, see below
+        if turn < 0.0096:
+            assert off_stuck(one, draped(0.0)[0], turn) < REACHED + STUCK
+    assert error(found[-1].end_wrench, draped(MU)[1].end_wrench) < REACHED
+    # which is when it slips: the force it then has is that of the stuck rod at this angle
+    slips = next(turn for turn, one in zip(turns, found, strict=True) if turn > 0 and _slips(one))
+    assert slips == pytest.approx(0.01, abs=1e-9)
+
+
+def _slips(found: Equilibrium) -> bool:
+    return error(found.end_wrench, draped(MU)[1].end_wrench) < REACHED
+
+
+def test_where_it_turns_back_it_sticks_again() -> None:
+    steps = on_drum(draped(0.0)[1], MU)
+    follow(steps, "turn", [0.0, 0.02, 0.04])
+    for turn in -5e-4 * np.arange(1, 9):
+        (one,) = follow(steps, "turn", [0.04 + turn])
+        assert off_stuck(one, draped(MU)[0], turn) < REACHED + STUCK
+        keeps_the_cone(one, MU)
+
+
+def test_the_size_of_the_steps_does_not_matter() -> None:
+    small, large = (
+        follow(on_drum(draped(0.0)[1], MU), "turn", turns)[-1]
+        for turns in (np.linspace(0.0, 0.006, 13), [0.0, 0.006])
+    )
+    assert error(small.end_wrench, large.end_wrench) < REACHED + STUCK
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
@@ -117,10 +147,12 @@ def test_a_taut_rod_over_a_drum_is_a_capstan(tolerance: float) -> None:
     found = follow(on_drum(reference, MU, tolerance), "turn", [0.0, 0.02, 0.04, 0.06])[-1]
     pulls = [float(np.linalg.norm(wrench[:3])) for wrench in (found.start_wrench, found.end_wrench)]
     exact = [np.linalg.norm(w[:3]) for w in (reference.start_wrench, reference.end_wrench)]
-    assert pulls == pytest.approx(exact, rel=REACHED)
-    assert error(found.end_wrench, reference.end_wrench) < REACHED
+    assert pulls == pytest.approx(exact, rel=max(tolerance, STUCK))
+    assert error(found.end_wrench, reference.end_wrench) < max(tolerance, STUCK)
     # the rule of the flexible cable is off by what bending adds, see `contact.capstan`: here by 0.15
-    assert np.log(pulls[1] / pulls[0]) == pytest.approx(np.log(exact[1] / exact[0]), abs=REACHED)
+    assert np.log(pulls[1] / pulls[0]) == pytest.approx(
+        np.log(exact[1] / exact[0]), abs=max(tolerance, STUCK)
+    )
 
 
 def test_ground_drawn_lengthwise_under_a_cable_that_is_lifted() -> None:
