@@ -143,7 +143,7 @@ def touch(
                 if changes == 0 and (new * rate <= tolerance or new < 1e-13):
                     converged = True
                     break
-                if iteration > 12 and new > 0.5 * size and model == FRICTIONLESS:
+                if iteration > 12 and new > 0.9 * size and model == FRICTIONLESS:
                     return NOT_CONTRACTING, total, count, rows, moved
             lift = False
             size = new
