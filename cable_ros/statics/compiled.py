@@ -168,8 +168,9 @@ def ahead(known, shapes, forces, places, there, q, F):
     The `known` ones, 2 or 3, come latest first: their nodal frames `shapes` (3, n, 4), end forces `forces`
     (3, 3), conditions `places` (3, 10). They are taken for points of a smooth path, at distances along it
     that are those of their conditions, straight on or turned back; q (n, 4), F (3,) receive the polynomial
-    through them. Its order is that which tells the conditions `there` best; nothing happens, 0, where none
-    tells them to a tenth of the step, or where it would add up errors more than AMPLIFIED times.
+    through them. Its order is that which tells the conditions `there` best, the higher one where both do
+    well; nothing happens, 0, where none tells them to a tenth of the step, or where it would add up errors
+    more than AMPLIFIED times.
     """
     t = onward(places[1], places[0], there)
     back = -abs(onward(places[0], places[0], places[1]))
@@ -188,7 +189,7 @@ def ahead(known, shapes, forces, places, there, q, F):
             told = v1 * (places[1, a] - places[0, a]) + v2 * (places[2, a] - places[0, a])
             miss += (there[a] - places[0, a] - told) ** 2
         miss = np.sqrt(miss)
-        if miss < best:
+        if miss <= max(best, 1e-3 * abs(t)):
             best, w1, w2 = miss, v1, v2
     if w1 == 0.0:
         return 0.0

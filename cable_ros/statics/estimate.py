@@ -15,7 +15,7 @@ from cable_ros.statics.units import norm3, relative_change
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
-STIR = 0.03
+STIR = 0.1
 """So much of what has nothing to do with the last softest mode is in the start of the search for the next."""
 
 

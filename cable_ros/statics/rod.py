@@ -230,7 +230,8 @@ class Rod:
     def waves(self) -> np.ndarray:
         """(3n,) some rotation of the sections that is smooth and zero at the clamps; elastic energy 1/2."""
         if self._waves is None:
-            waves = np.sin(np.pi * np.outer(self.mesh.nodes, np.arange(1, 5)))
+            k = np.arange(1, 5)
+            waves = np.sin(np.pi * np.outer(self.mesh.nodes, k)) / k**2
             waves = (waves @ np.random.default_rng(0).normal(size=(4, 3))).ravel()
             waves[:3] = waves[-3:] = 0.0
             self._waves = waves / self.norm(waves)

@@ -149,6 +149,121 @@ def test_a_step_too_far_is_not_taken() -> None:
     assert np.array_equal(found.rod.re, before)
 
 
+def test_a_mode_is_found_that_the_last_one_hides() -> None:
+    found = at_zero()
+    rod = found.rod
+    inner = slice(3, -3)
+    elastic, geometric = dense(rod.elastic)[inner, inner], dense(rod.geometric)[inner, inner]
+    tangent = scipy.linalg.null_space(rod.C[:, inner])
+    values, modes = scipy.linalg.eigh(
+        tangent.T @ (elastic + geometric) @ tangent, tangent.T @ elastic @ tangent
+    )
+    # The second mode, to which inverse iteration would keep if it started with nothing else.
+    rod.mode[inner] = tangent @ modes[:, 1]
+    assert values[1] > 1.05 * values[0]
+    assert rod.stability_margin() == pytest.approx(values[0], rel=1e-3)
+
+
+def test_the_margin_that_is_kept_is_right_to_a_part_of_itself() -> None:
+    found = at_zero()
+    q, F, rod, kept = found.q, found.F, found.rod, 0
+    margin = rod.stability_margin()
+    for degrees in np.arange(0.5, 90.0, 0.5):
+        qe, re, f = conditions_at(np.radians(degrees))
+        code, _, q, F = rod.advance(q, F, qe if qe @ q[-1] > 0 else -qe, re, f, 1e-9)
+        assert code == compiled.ADVANCED
+        kept += rod.drift > 0.0
+        margin = rod.stability_margin() if rod.drift == 0.0 else margin
+        twin = rod.variant()
+        assert twin.refactor(q, F)
+        # a tenth is aimed at; how fast the margin changes is known from before
+        assert margin == pytest.approx(twin.stability_margin(), rel=0.15)
+    assert kept > 100
+
+
+PATHS = {
+    "straight on": [0.5 * k for k in range(1, 12)],
+    "uneven": [0.1, 0.5, 0.6, 1.4, 1.41, 2.0, 2.8],
+    "turning back": [0.5, 1.0, 1.5, 1.0, 0.5, 0.0, -0.5],
+    "to and fro": [0.5, 0.0] * 4,
+    "standing still": [0.5, 1.0, 1.0, 1.0, 1.5, 1.5, 2.0],
+    "stopping short": [0.5, 1.0, 1.5, 1.5 + 1e-9, 1.5 + 2e-9, 2.0],
+}
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_every_path_leads_to_the_equilibria_on_it(path: str) -> None:
+    found = at_zero()
+    q, F, rod = found.q, found.F, found.rod
+    for degrees in PATHS[path]:
+        q, F = _followed(rod, q, F, *conditions_at(np.radians(degrees)))
+
+
+def test_a_path_that_bends_and_a_load_that_turns() -> None:
+    found = at_zero()
+    q, F, rod = found.q, found.F, found.rod
+    qe, re, f = conditions_at(0.0)
+    for k in range(1, 5):
+        q, F = _followed(rod, q, F, qe, re + [0.005 * k, 0.0, 0.0], f)
+    for k in range(1, 5):
+        q, F = _followed(rod, q, F, qe, re + [0.02, 0.005 * k, 0.0], f)
+    for k in range(1, 5):
+        turn = Rotation.from_rotvec([0.01 * k, 0.0, 0.0])
+        q, F = _followed(rod, q, F, qe, re + [0.02, 0.02, 0.0], turn.apply(f))
+
+
+def _followed(
+    rod: Rod, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The next equilibrium by `advance`, compared with Newton's own of the same mesh."""
+    qe = qe if qe @ q[-1] > 0 else -qe
+    code, _, q, F = rod.advance(q, F, qe, re, f, 1e-11)
+    assert code == compiled.ADVANCED
+    moved = Rod(rod.mesh, rod.K)
+    moved.set_conditions(qe, re, f)
+    cold = settle(moved, q, F, Options(step_tolerance=1e-12, constraint_tolerance=1e-12))
+    assert cold is not None
+    # what is left is the iteration's tolerance, 1e-11, and the trust region's
+    assert np.abs(q - cold.q).max() < 1e-9
+    assert np.linalg.norm(F - cold.F) < 1e-9 * np.linalg.norm(F)
+    # the gradient that the next step starts from, and the moments that are read off, are those of the end
+    assert np.abs(rod.g - moved.g).max() < 1e-7
+    return q, F
+
+
+def test_on_a_smooth_path_one_or_two_corrections_do() -> None:
+    found = at_zero()
+    q, F, rod = found.q, found.F, found.rod
+    corrections = []
+    for degrees in np.arange(0.5, 20.0, 0.5):
+        qe, re, f = conditions_at(np.radians(degrees))
+        _, count, q, F = rod.advance(q, F, qe if qe @ q[-1] > 0 else -qe, re, f, 1e-7)
+        corrections.append(count)
+    assert max(corrections[3:]) <= 2
+
+
+def test_a_start_ahead_is_on_the_polynomial_through_the_last_ones() -> None:
+    # Conditions on a line, at uneven distances; forces and frames quadratic in the distance along it.
+    t = np.array([0.3, 0.2, 0.05, 0.38])  # the latest first, then where to go
+    line = np.linspace(1.0, 2.0, 10)
+    places = t[:, None] * line
+    forces = np.outer(t**2, [1.0, -2.0, 3.0]) + np.outer(t, [0.5, 0.0, 1.0])
+    shapes = np.array([[[1.0, 0.1 * x + x * x, 0.0, -x]] * 4 for x in t])
+    q, F = np.empty((4, 4)), np.empty(3)
+    turned = compiled.ahead(3, shapes[:3], forces[:3], places[:3], places[3], q, F)
+    assert pytest.approx(forces[3], rel=1e-12) == F
+    assert q == pytest.approx(shapes[3] / np.linalg.norm(shapes[3], axis=1)[:, None], rel=1e-12)
+    assert turned == pytest.approx(2.0 * np.abs(shapes[3] - shapes[0]).max(), rel=1e-12)
+    # Two known: a line, which misses the parabola but tells the conditions as well.
+    compiled.ahead(2, shapes[:3], forces[:3], places[:3], places[3], q, F)
+    assert pytest.approx(forces[0] + (forces[0] - forces[1]) * 0.8, rel=1e-12) == F
+    # Nothing where the way bends, or the last ones are too close together to tell.
+    aside = places[0] + 0.1 * np.eye(10)[0]
+    assert compiled.ahead(3, shapes[:3], forces[:3], places[:3], aside, q, F) == 0.0
+    close = places[0] + np.outer([0.0, 1e-3, 2e-3], line)
+    assert compiled.ahead(3, shapes[:3], forces[:3], close, places[3], q, F) == 0.0
+
+
 def test_old_factors_serve_small_steps() -> None:
     # Within REFRESH the factors stay: more corrections, the same equilibrium.
     found = at_zero()
