@@ -32,6 +32,7 @@ __all__ = [
     "border_factor",
     "border_step",
     "close",
+    "correct",
     "end_coupling",
     "end_rows",
     "error",
@@ -131,12 +132,7 @@ def advance(
             return TOO_FAR, iteration, drift, fresh
         quaternion.retract(q_new, s, q_new)
         close(q_new, qe)
-        force, change = 1e-3, 0.0
-        for a in range(3):
-            F_new[a] += dF[a]
-            force = max(force, abs(F_new[a]))
-            change = max(change, abs(dF[a]))
-        new = max(change / force, turned)
+        new = max(correct(F_new, dF), turned)
         if iteration > 1 and fresh and not new <= 0.5 * size:
             return NOT_CONTRACTING, iteration, drift, fresh
         if iteration == 0:
@@ -239,6 +235,17 @@ def spread(F, h):
     for e in range(h.shape[0]):
         out[e, 0], out[e, 1], out[e, 2] = F[0], F[1], F[2]
     return out
+
+
+@njit(**OPTIONS)
+def correct(F, dF):
+    """Add dF to the end force F (3,); returns its relative size, F being 1e-3 at least."""
+    force, change = 1e-3, 0.0
+    for a in range(3):
+        F[a] += dF[a]
+        force = max(force, abs(F[a]))
+        change = max(change, abs(dF[a]))
+    return change / force
 
 
 @njit(**OPTIONS)

@@ -17,6 +17,7 @@ from cable_ros.statics.compiled import (
     NOT_CONVEX,
     TOO_FAR,
     close,
+    correct,
     end_coupling,
     end_rows,
     largest,
@@ -106,12 +107,7 @@ def advance_stretching(
             return TOO_FAR, iteration, drift, fresh
         quaternion.retract(q_new, s, q_new)
         close(q_new, qe)
-        force, change = 1e-3, 0.0
-        for a in range(3):
-            F_new[a] += dF[a]
-            force = max(force, abs(F_new[a]))
-            change = max(change, abs(dF[a]))
-        new = max(change / force, moved)
+        new = max(correct(F_new, dF), moved)
         if iteration == 0:
             drift += new
         else:
