@@ -29,7 +29,7 @@ class Touch:
     """(3,)"""
     holds: bool = True
     """Whether the force is whatever holds the point on the surface, or as it stands."""
-    slides: bool = False
+    slides: bool = True
     """Whether the place is wherever the rod is tangent to the surface, or as it stands."""
 
 

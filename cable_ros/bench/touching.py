@@ -72,10 +72,10 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
         for place, normal_force in spread(mine, length):
             # the clamp itself holds what is next to it
             holds = CLAMP < place / length < 1.0 - CLAMP
-            out.append(Touch(place / length, at, normal_force / unit, np.zeros(3), holds))
+            out.append(Touch(place / length, at, normal_force / unit, np.zeros(3), holds, slides=False))
         # friction remembers: it need not be smooth, and is taken as it is told
         pressing = [c for c in mine if c.length > 0.0 and c.friction.any()]
-        out += [Touch(c.arc_length / length, at, 0.0, c.friction / unit, holds=False) for c in pressing]
+        out += [Touch(c.arc_length / length, at, 0.0, c.friction / unit, False, False) for c in pressing]
     return out
 
 

@@ -111,7 +111,8 @@ def verify(
 
 
 ALONE = 0.03
-"""A touch farther than this from all others, parts of the length, is where the gap is smallest."""
+"""Of touches nearer to each other than half of this, a fourth where they slide, parts of the length, one
+holds."""
 
 
 def _spread(touches: Sequence[Touch]) -> list[Touch]:
@@ -125,10 +126,10 @@ def _spread(touches: Sequence[Touch]) -> list[Touch]:
     last = -1.0
     places = np.array([touch.place for touch in touches])
     for touch in sorted(touches, key=lambda touch: touch.place):
-        holds = touch.holds and touch.place - last > 0.5 * ALONE
+        holds = touch.holds and touch.place - last > (0.25 if touch.slides else 0.5) * ALONE
         last = touch.place if holds else last
-        alone = int((np.abs(places - touch.place) < ALONE).sum()) == 1
-        out.append(replace(touch, holds=holds, slides=holds and alone))
+        alone = int((np.abs(places - touch.place) < 0.25 * ALONE).sum()) == 1
+        out.append(replace(touch, holds=holds, slides=touch.slides and holds and alone))
     return out
 
 

@@ -10,6 +10,9 @@ from cable_ros.statics.touch_points import KIND, LYING, PLACE, SAMPLE
 CLOSEST = 0.02
 """A boundary between elements that is this near to a contact point gives way to it, parts of the length."""
 
+TOGETHER = 1e-6
+"""Contact points this near to each other share a boundary."""
+
 
 def suited(mesh: Mesh, points: np.ndarray) -> Mesh:
     """The mesh with boundaries where the contact points are, none of its elements much longer for it."""
@@ -18,8 +21,9 @@ def suited(mesh: Mesh, points: np.ndarray) -> Mesh:
     for s in places(points):
         bounds = [0.0, *edges, 1.0]
         e = min(int(np.searchsorted(bounds, s)) - 1, len(bounds) - 2)
-        near = min((edge for edge in edges if edge not in held), key=lambda edge: abs(edge - s), default=s)
-        if near != s and abs(near - s) < 0.2 * (bounds[e + 1] - bounds[e]):
+        free = [edge for edge in edges if edge not in held]
+        near = min(free, key=lambda edge: abs(edge - s), default=s + 1.0)
+        if abs(near - s) < 0.2 * (bounds[e + 1] - bounds[e]):
             edges.remove(near)
         edges = sorted([*edges, s])
         held.append(s)
@@ -42,5 +46,6 @@ def fitted(element: ReferenceElement, edges: list[float], points: np.ndarray, sp
 
 def places(points: np.ndarray) -> list[float]:
     """Where boundaries belong: at the points and the ends of stretches, rising."""
-    mine = points[points[:, KIND] != SAMPLE, PLACE]
-    return [float(s) for s in np.unique(mine) if 0.0 < s < 1.0]
+    mine = np.unique(points[points[:, KIND] != SAMPLE, PLACE])
+    apart = np.diff(mine, prepend=-1.0) > TOGETHER
+    return [float(s) for s in mine[apart] if 0.0 < s < 1.0]
