@@ -42,6 +42,11 @@ def rub(points, i, n, t, mu, model, step, turned, sense, anew, limit):
             limit[a] = 0.0 if size == 0.0 else share * side[a] / size
             points[i, FRICTION + a] = cone * limit[a]
         return False
+    if cone == 0.0:
+        # about to lift off: it slips, without a force, and which way is seen when it presses again
+        points[i, SLIPS] = 1.0
+        points[i, FRICTION : FRICTION + 3] = 0.0
+        return False
     force, trial = np.empty(3), np.empty(3)
     off, normal = 0.0, 0.0
     for a in range(3):
@@ -62,7 +67,7 @@ def rub(points, i, n, t, mu, model, step, turned, sense, anew, limit):
         points[i, SLIPS] = 1.0
         trial[:] = force
         size = held
-    elif slips and not anew and (size < (1.0 - ROUNDING) * cone or along <= 0.0):
+    elif slips and not anew and (size < (1.0 - ROUNDING) * cone or along < 0.0):
         points[i, SLIPS] = 0.0
     elif slips and anew:
         trial[:] = force
