@@ -21,6 +21,8 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 MOST_REVISIONS, MOST_ITERATIONS = 44, 25
 """Revisions of the set in a solve, and iterations between two of them."""
+MOST_IN_ALL = 250
+"""Iterations of a solve after which no more revisions are tried: a set that keeps changing is none."""
 
 
 @njit(**OPTIONS)
@@ -81,6 +83,8 @@ def touch(
     total, size = 0, 0.0
     lift, moved, convex = True, False, True  # `lift`: the tangent step, which takes the end to its new place
     for _ in range(MOST_REVISIONS):
+        if total > MOST_IN_ALL:
+            return NOT_CONTRACTING, total, count, rows, moved
         converged = False
         for iteration in range(MOST_ITERATIONS):
             changes = 0

@@ -17,6 +17,8 @@ SHORTEST = 1e-4
 """Smallest part of a joint step, in rad of the section that turns most, before the branch counts as ended."""
 MOST_FALLS = 20
 """A way with more falls than this is none."""
+MOST_ITERATIONS = 2000
+"""Among obstacles a way that takes more iterations is given up, for what is solved anew is there sooner."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -78,7 +80,8 @@ def walk(
             continue
         if np.linalg.norm(conditions.re) >= 1.0 and step < 0.02:
             return Walk(End.BEYOND_REACH, at, q, F, iterations, tuple(snaps))
-        if not rod.refactor(q, F):
+        lost = rod.obstacles is not None and iterations > MOST_ITERATIONS
+        if not rod.refactor(q, F) or lost:
             return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
         if code != compiled.TOO_FAR and step * 0.5 < SHORTEST:
             falls += 1
