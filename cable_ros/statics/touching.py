@@ -228,8 +228,9 @@ class TouchingRod(Rod):
         kept, sense, mesh = self.state(), self.sense, self.mesh
         self.latest = None  # the gradient will be another's
         Y, S = (self.borders, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
+        spent = 0
         if remesh and self.model == SLIDING:
-            q, F = self._reverse(q, F, re, tolerance, limit)
+            q, F, spent = self._reverse(q, F, re, tolerance, limit)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
             code, iterations, self.count, self.rows, moved = touch(
@@ -250,7 +251,7 @@ class TouchingRod(Rod):
         if code != compiled.ADVANCED:
             self.restore(kept, mesh)
             self.sense = sense
-            return code, iterations, q_new, F_new
+            return code, iterations + spent, q_new, F_new
         known = self.count == kept[1]
         curve(q_new, self.h, self.tables[0], self.primitives, self.c)
         if self.sunk(obstacles):
@@ -269,23 +270,28 @@ class TouchingRod(Rod):
 
     def _reverse(
         self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Turn mobilised friction against the way the end now goes, little by little where it turns back."""
+    ) -> tuple[np.ndarray, np.ndarray, int]:
+        """Turn mobilised friction against the way the end now goes, little by little where it turns back.
+
+        Returns the equilibrium reached and the iterations it took.
+        """
         way = re - self.re
         size = float(np.linalg.norm(way))
         if size < 1e-12:
-            return q, F
+            return q, F, 0
         before, after = self.sense, way / size
+        spent = 0
         if self.count and before @ after <= 0.0 and self.obstacles is not None:
             for part in np.linspace(0.75, -0.75, 7):
                 self.sense = part * before if part > 0.0 else -part * after
-                code, _, q_new, F_new = self.touch(
+                code, iterations, q_new, F_new = self.touch(
                     q, F, self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh=False
                 )
+                spent += iterations
                 if code == compiled.ADVANCED:
                     q, F = q_new, F_new
         self.sense = after
-        return q, F
+        return q, F, spent
 
     def _remesh(
         self, q: np.ndarray, F: np.ndarray, iterations: int, tolerance: float
