@@ -9,7 +9,7 @@ import numpy as np
 from cable_ros.solve.trust_region import Options, minimize
 from cable_ros.statics import compiled
 from cable_ros.statics.blunt import blunted, sharpen
-from cable_ros.statics.friction_kernels import FRICTIONLESS
+from cable_ros.statics.friction_kernels import COULOMB
 from cable_ros.statics.softened import Softened
 from cable_ros.statics.touch_points import FORCE, FRICTION, KIND, OBSTACLE, PLACE, POINT, TIE
 
@@ -97,8 +97,8 @@ def give_way(
     way = float(np.abs(re - rod.re).max() + np.abs(obstacles[:, 1:13] - rod.obstacles[:, 1:13]).max())
     end = qe if q[-1] @ qe > 0.0 else -qe
     way += 2.0 * float(np.abs(q[-1] - end).max())
-    if rod.model != FRICTIONLESS:
-        return failed  # a descent knows nothing of friction, which is never forgotten on the way
+    if rod.model == COULOMB:
+        return failed  # a descent knows nothing of the way that this friction has come
     if rod.patience <= 0:
         return failed
     rod.patience -= 1

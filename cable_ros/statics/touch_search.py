@@ -29,21 +29,33 @@ from cable_ros.statics.touch_stretches import CLAMPED, SAMPLES, grounded, inside
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+AWAY = 1.0
+"""What is nearer than so many samples' spacing is looked at closely."""
 LONG = 4.0
 """What is inside over so many samples is no point contact."""
 
 
 @njit(**OPTIONS)
 def scan(c, h, s0, samples, obstacles, phi):
-    """Gaps phi (obstacles, samples) at the arc lengths `samples`; returns the smallest at the inner ones."""
+    """Gaps phi (obstacles, samples) at the arc lengths `samples`; returns the smallest at the inner ones.
+
+    What is farther off than AWAY may have a smaller number, which is safe: the curve has unit speed.
+    """
     r, n = np.empty(3), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
-    smallest = np.inf
-    for k in range(samples.shape[0]):
-        position(c, h, s0, samples[k], r)
-        for o in range(obstacles.shape[0]):
-            phi[o, k] = gap(obstacles[o], r, n, directions, bends)
-            if 0 < k < samples.shape[0] - 1:
+    smallest, m = np.inf, samples.shape[0]
+    away = AWAY * (samples[m - 1] - samples[0]) / (m - 1)
+    for o in range(obstacles.shape[0]):
+        last, value = 0.0, -np.inf
+        for k in range(m):
+            least = value - (samples[k] - last)
+            if least > away:
+                phi[o, k] = least
+            else:
+                position(c, h, s0, samples[k], r)
+                value, last = gap(obstacles[o], r, n, directions, bends), samples[k]
+                phi[o, k] = value
+            if 0 < k < m - 1:
                 smallest = min(smallest, phi[o, k])
     return smallest
 
@@ -93,23 +105,26 @@ def flatten(q, h, s0, nodes, c, spacing, obstacles, depth, points, count):
 
 
 @njit(**OPTIONS)
-def minimum_beside(q, h, s0, nodes, c, samples, k, phi, obstacle):
+def minimum_beside(q, h, s0, nodes, c, samples, k, phi, obstacle, down):
     """Arc length of a minimum of the gap that is nearer to sample k than to others; -1: none, or far off.
 
     Two edges side by side have a minimum each, which the gaps phi (samples,) may not show: its slopes do.
+    `down`: the slope half way to the sample before, if it is known, else nan; returned, too, is that half way
+    to the next.
     """
     low = 0.5 * (samples[k - 1] + samples[k]) if k > 1 else samples[0]
     high = 0.5 * (samples[k] + samples[k + 1]) if k < samples.shape[0] - 2 else samples[k + 1]
     # the curve has unit speed
     if phi[k] > max(samples[k] - low, high - samples[k]):
-        return -1.0
+        return -1.0, np.nan
     r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
-    _, down, _ = gap_at(q, h, s0, nodes, c, low, obstacle, r, t, dt, n, directions, bends)
+    if np.isnan(down):
+        _, down, _ = gap_at(q, h, s0, nodes, c, low, obstacle, r, t, dt, n, directions, bends)
     _, up, _ = gap_at(q, h, s0, nodes, c, high, obstacle, r, t, dt, n, directions, bends)
     if not down < 0.0 <= up:
-        return -1.0
-    return lowest(q, h, s0, nodes, c, 0.5 * (low + high), 0.5 * (high - low), obstacle)
+        return -1.0, up
+    return lowest(q, h, s0, nodes, c, 0.5 * (low + high), 0.5 * (high - low), obstacle), up
 
 
 @njit(**OPTIONS)
@@ -134,8 +149,9 @@ def revise(q, h, s0, N, nodes, primitives, c, cells, samples, obstacles, depth, 
     r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
     for o in range(obstacles.shape[0]):
+        slope = np.nan
         for k in range(1, m - 1):
-            s = minimum_beside(q, h, s0, nodes, c, samples, k, phi[o], obstacles[o])
+            s, slope = minimum_beside(q, h, s0, nodes, c, samples, k, phi[o], obstacles[o], slope)
             if s < 0.0:
                 continue
             value, _, _ = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
@@ -232,8 +248,9 @@ def dips(q, h, s0, nodes, c, samples, spacing, obstacles, phi, depth):
     r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
     for o in range(obstacles.shape[0]):
+        slope = np.nan
         for k in range(1, samples.shape[0] - 1):
-            s = minimum_beside(q, h, s0, nodes, c, samples, k, phi[o], obstacles[o])
+            s, slope = minimum_beside(q, h, s0, nodes, c, samples, k, phi[o], obstacles[o], slope)
             if s >= 0.0:
                 value, _, _ = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
                 if value < -depth:

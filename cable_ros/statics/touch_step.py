@@ -9,7 +9,7 @@ from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.solve import banded
 from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
-from cable_ros.statics.friction_kernels import FRICTIONLESS
+from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
 from cable_ros.statics.touch_places import place_points
 from cable_ros.statics.touch_points import FORCE, FRICTION, GRIP, HELD, KIND, SAMPLE
@@ -19,6 +19,8 @@ from cable_ros.statics.touch_system import system
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+SLOW = 0.15
+"""Factors that take away less than all but this part of an error are made anew."""
 MOST_REVISIONS, MOST_ITERATIONS = 44, 25
 """Revisions of the set in a solve, and iterations between two of them."""
 MOST_IN_ALL = 250
@@ -49,16 +51,18 @@ def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S
 @njit(**OPTIONS)
 def touch(
     q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, samples,
-    obstacles, old_obstacles, sense, model, points, count, rows, ready, gaps, normals,
+    obstacles, old_obstacles, sense, model, points, count, rows, ready, known, old_f, gaps, normals,
     elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
-    tolerance, depth, limit, q_new, F_new,
+    tolerance, depth, limit, drift, refresh, q_new, F_new,
 ):  # fmt: skip
     """From the equilibrium (q, F) with contact to the one under new conditions; see `compiled.advance`.
 
     A tangent step from the old state, Newton's method on the active set, and revisions of the set until no
-    point pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place. Where the
-    factors of the last equilibrium with its `rows` borders are still there, `ready`, the first step takes
-    them. Returns (code, iterations, count, rows, whether another mesh would hold the points better).
+    point pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place. Where factors of
+    an equilibrium with the same `rows` borders are there, `ready`, from which some section has turned by
+    `drift` rad, they serve until that is more than `refresh` or no longer contract. `known`: the gradient
+    at (q, F) is still there, that for the load `old_f`. Returns (code, iterations,
+    count, rows, whether another mesh would hold the points better, drift; 0: the factors are new).
     """
     N, gauss = tables[0], tables[4]
     order = N.shape[1] - 1
@@ -80,11 +84,14 @@ def touch(
     q_new[:] = q
     F_new[:] = F
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
-    total, size = 0, 0.0
+    total, size, new = 0, 0.0, 0.0
     lift, moved, convex = True, False, True  # `lift`: the tangent step, which takes the end to its new place
+    steady = model != COULOMB  # whether no friction's direction is part of the iteration
+    holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
+    known = known and ready and (f == old_f).all() and (obstacles == old_obstacles).all()
     for _ in range(MOST_REVISIONS):
         if total > MOST_IN_ALL:
-            return NOT_CONTRACTING, total, count, rows, moved
+            return NOT_CONTRACTING, total, count, rows, moved, drift
         converged = False
         for iteration in range(MOST_ITERATIONS):
             changes = 0
@@ -96,15 +103,28 @@ def touch(
                 )
                 changes, count = fill(points, count, h, s0, covered)
                 changes += flattened
-            full = not (lift and ready)
-            known, same, flips = system(
-                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
-                old_s0, old_obstacles, sense, model, lift, points, count, gaps, normals,
-                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
-            )  # fmt: skip
+            holds = holds and changes == 0
+            full = not holds or (not lift and (drift > refresh or rate > SLOW))
+            if not full:
+                gaps[count : rows - 3] = 0.0
+            borders, same, flips = 0, True, 0
+            if not (lift and known):
+                borders, same, flips = system(
+                    q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
+                    old_s0, old_obstacles, sense, model, lift, points, count, gaps, normals,
+                    acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
+                )  # fmt: skip
+            if flips > 0 and not full:
+                full = True
+                borders, same, _ = system(
+                    q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
+                    old_s0, old_obstacles, sense, model, lift, points, count, gaps, normals,
+                    acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
+                )  # fmt: skip
             changes += flips
             if full:
-                rows = known
+                rows, holds, fresh, drift = borders, True, True, 0.0
+                steady = same or model != COULOMB
             if full and same:
                 convex = border_factor(
                     elastic, geometric, 0.0, order, A, U, pivots, V, delta, rows, 3 + count, Y, S
@@ -115,7 +135,7 @@ def touch(
             for a in range(3):
                 b[a] = totals[a] - re[a]
             for i in range(3, rows):
-                b[i] = gaps[i - 3] if full or i < 3 + count else 0.0
+                b[i] = gaps[i - 3]
             if lift:
                 end_coupling(elastic, geometric, V, rows, theta, gv, b)
             border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)
@@ -124,7 +144,8 @@ def touch(
                     s[n - 3 + k] = theta[k]
             new = largest(s)
             if not new <= limit:
-                return TOO_FAR, total, count, rows, moved
+                return TOO_FAR, total, count, rows, moved, drift
+            drift += new
             quaternion.retract(q_new, s, q_new)
             close(q_new, qe)
             scale, change = 1e-3, 0.0
@@ -143,28 +164,32 @@ def touch(
             new = max(new, change / scale, move_ends(points, count, y, spacing))
             if not lift:
                 total += 1
-                rate = min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1
-                if changes == 0 and (new * rate <= tolerance or new < 1e-13):
+                rate = max(min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, drift)
+                # which way friction slips answers to the last bit of motion: its steps say little of the next
+                trusted = rate if steady or full else max(rate, 0.5)
+                if changes == 0 and (new * trusted <= tolerance or new < 1e-13):
                     converged = True
                     break
                 if iteration > 12 and new > 0.9 * size and model == FRICTIONLESS:
-                    return NOT_CONTRACTING, total, count, rows, moved
+                    return NOT_CONTRACTING, total, count, rows, moved, drift
             lift = False
             size = new
         if not converged:
-            return NOT_CONTRACTING, total, count, rows, moved
+            return NOT_CONTRACTING, total, count, rows, moved, drift
+        # what is left of the iteration is nothing that sinks in
+        left = depth + new * rate
         changed, count = revise(
-            q_new, h, s0, N, nodes, primitives, c, cells, samples, obstacles, depth, points, count, phi
+            q_new, h, s0, N, nodes, primitives, c, cells, samples, obstacles, left, points, count, phi
         )
         if not changed:
             moved = moved or coarse(points, count, h, s0, spacing)
             if not convex and model == FRICTIONLESS:
-                return NOT_CONVEX, total, count, rows, moved
+                return NOT_CONVEX, total, count, rows, moved, drift
             system(
                 q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
                 old_s0, old_obstacles, sense, model, False, points, count, gaps, normals,
                 acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, False,
             )  # fmt: skip
-            return ADVANCED, total, count, rows, moved
-        size = 0.0
-    return NOT_CONTRACTING, total, count, rows, moved
+            return ADVANCED, total, count, rows, moved, 0.0 if fresh else drift
+        size, rate, holds = 0.0, 0.0, False
+    return NOT_CONTRACTING, total, count, rows, moved, drift

@@ -137,6 +137,8 @@ def system(
     if not full:
         for i in range(count):
             grip(points, i, amiss, lines, gaps)
+            if points[i, KIND] != SAMPLE and points[i, ROW] > 0.0:
+                gaps[int(points[i, ROW]) - 3] = tilts[i]
         return 3 + count, True, flips
     hessian(q, Fe, f, K, kappa0, h, s0, N, dN, N3, dN3, gauss, weights, radial, elastic, geometric, parts, C)
     columns = C.shape[1]
@@ -228,6 +230,8 @@ def system(
                 gaps[rows - 3] = 0.0
                 rows += 1
         ends = points[i, KIND] >= FIRST
+        if points[i, KIND] == POINT:
+            points[i, ROW] = 0.0
         if ends or (curved[i, 2] > 0.0 and abs(points[i, FORCE]) >= 1e-9):
             row(V, rows, slopes[i], way)
             lines[rows] = slopes[i]
@@ -236,7 +240,7 @@ def system(
                     V[rows, 3 * first + j] += normals[i, a] * turn[a, j]
             delta[rows] = 0.0 if ends else curved[i, 2] / points[i, FORCE]
             gaps[rows - 3] = tilts[i]
-            if ends:
+            if ends or points[i, KIND] == POINT:
                 points[i, ROW] = rows
             rows += 1
         for b in range(begin, rows):

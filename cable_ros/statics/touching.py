@@ -62,6 +62,7 @@ class TouchingRod(Rod):
         self.sense = np.zeros(3)
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
+        self.settled: np.ndarray | None = None  # the shape to which the gradient with contact belongs
         self.gaps, self.normals = np.zeros(ROWS), np.zeros((CAPACITY, 3))
         super().__init__(mesh, stiffness, natural)
 
@@ -153,7 +154,7 @@ class TouchingRod(Rod):
         if not self.count:
             return super().refactor(q, F)
         curve(q, self.h, self.tables[0], self.primitives, self.c)
-        self._normal = None
+        self._normal = self.settled = None
         self.rows = self.system(q, F, FRICTIONLESS)
         self.drift, self.ready = 0.0, self.model == FRICTIONLESS
         return self.border_factor(0.0, 3 + self.count)
@@ -233,18 +234,19 @@ class TouchingRod(Rod):
             q, F, spent = self._reverse(q, F, re, tolerance, limit)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
-            code, iterations, self.count, self.rows, moved = touch(
+            known = self.settled is q
+            code, iterations, self.count, self.rows, moved, turned = touch(
                 q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
                 self.primitives, self.samples, obstacles, self.obstacles, self.sense, self.model,
-                self.points, self.count, self.rows, self.ready, self.gaps, self.normals,
+                self.points, self.count, self.rows, self.ready, known, self.f, self.gaps, self.normals,
                 self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W,
-                self.delta, self.lines, self.upto, Y, S, self.acc, self.g,
-                self.radial, self.totals, tolerance, self.depth, limit, q_new, F_new,
+                self.delta, self.lines, self.upto, Y, S, self.acc, self.g, self.radial, self.totals,
+                tolerance, self.depth, limit, self.drift, self.refresh, q_new, F_new,
             )  # fmt: skip
         except np.linalg.LinAlgError:
-            code, iterations, moved = compiled.NOT_CONTRACTING, 0, False
+            code, iterations, moved, turned = compiled.NOT_CONTRACTING, 0, False, np.inf
         self.ready = code == compiled.ADVANCED
-        if self.ready and self.model != FRICTIONLESS:
+        if self.ready and self.model != FRICTIONLESS and turned == 0.0:
             # with friction as it stands; the iteration's own factors say nothing about stability, but they
             # are what predicts the next step
             code = compiled.ADVANCED if self.border_factor(0.0, 3 + self.count) else compiled.NOT_CONVEX
@@ -252,7 +254,7 @@ class TouchingRod(Rod):
             self.restore(kept, mesh)
             self.sense = sense
             return code, iterations + spent, q_new, F_new
-        known = self.count == kept[1]
+        same = self.count == kept[1]
         curve(q_new, self.h, self.tables[0], self.primitives, self.c)
         if self.sunk(obstacles):
             self.restore(kept, mesh)
@@ -260,12 +262,13 @@ class TouchingRod(Rod):
             return compiled.NOT_CONTRACTING, iterations, q_new, F_new
         self.set_conditions(qe, re, f, obstacles)
         self.age = self.drift + 2.0 * float(np.abs(q_new - q).max())
-        self.drift = self.age if known and self.age < self.refresh else 0.0
+        self.drift = turned if same else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         if moved and remesh:
             return self._remesh(q_new, F_new, iterations, tolerance)
         if not self.count:
             super().refactor(q_new, F_new)
+        self.settled = q_new
         return code, iterations, q_new, F_new
 
     def _reverse(

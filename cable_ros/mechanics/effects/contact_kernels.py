@@ -25,14 +25,12 @@ def gap(obstacle, r, n, directions, bends):
     `directions` (2, 3) unit vectors across n.
     """
     kind = obstacle[0]
-    y = np.empty(3)
+    scratch = np.zeros((4, 3))  # one allocation for all
+    y, m, d = scratch[0], scratch[1], scratch[2:]
     for i in range(3):
-        y[i] = 0.0
         for j in range(3):
             y[i] += obstacle[4 + 3 * j + i] * (r[j] - obstacle[1 + j])
     a, b = obstacle[13], obstacle[14]
-    m = np.zeros(3)
-    d = np.zeros((2, 3))
     bends[0] = 0.0
     bends[1] = 0.0
     distance = 0.0
