@@ -114,7 +114,7 @@ def touch(
                     old_s0, old_obstacles, sense, model, lift, points, count, gaps, normals,
                     acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
                 )  # fmt: skip
-            if flips > 0 and not full:
+            if not full and (flips > 0 or (not lift and not same)):
                 full = True
                 borders, same, _ = system(
                     q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
@@ -165,7 +165,7 @@ def touch(
             if not lift:
                 total += 1
                 rate = max(min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, drift)
-                # which way friction slips answers to the last bit of motion: its steps say little of the next
+                # friction's direction may be held less stiffly than its border says
                 trusted = rate if steady or full else max(rate, 0.5)
                 if changes == 0 and (new * trusted <= tolerance or new < 1e-13):
                     converged = True

@@ -32,6 +32,9 @@ from cable_ros.statics.touch_points import (
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+STIFFER = 1.5
+"""Borders serve while what they hold is not so many times as stiff, nor as soft."""
+
 
 @njit(**OPTIONS)
 def point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc):
@@ -88,7 +91,8 @@ def system(
     (rows, 3) the direction that each reads the position in, of the point before which there are `upto`
     (rows,) elements. `old_c`, `old_h`, `old_s0` are the curve of the last equilibrium, `old_obstacles` where
     they were; `anew`: friction is at first what it was there. Returns (rows, whether W is V, how many points
-    began to stick or to slip).
+    began to stick or to slip); where not `full`, the second says whether friction's direction is held about
+    as stiffly as in the borders.
     """
     N, dN, N3, dN3, gauss, weights = tables
     order = N.shape[1] - 1
@@ -135,11 +139,15 @@ def system(
     point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc)
     gradient(q, Fe, f, K, kappa0, h, s0, N, dN, gauss, weights, acc, g, radial, totals)
     if not full:
+        as_stiff = True
         for i in range(count):
             grip(points, i, amiss, lines, gaps)
+            if points[i, GRIP] < 0.0:
+                ratio = limits[i, 6] * delta[int(-points[i, GRIP])]
+                as_stiff = as_stiff and 1.0 / STIFFER < ratio < STIFFER
             if points[i, KIND] != SAMPLE and points[i, ROW] > 0.0:
                 gaps[int(points[i, ROW]) - 3] = tilts[i]
-        return 3 + count, True, flips
+        return 3 + count, as_stiff, flips
     hessian(q, Fe, f, K, kappa0, h, s0, N, dN, N3, dN3, gauss, weights, radial, elastic, geometric, parts, C)
     columns = C.shape[1]
     for a in range(3):
@@ -212,6 +220,7 @@ def system(
                 lines[rows] = limits[i, 3:6]
                 delta[rows] = 1.0 / limits[i, 6]
                 gaps[rows - 3] = 0.0
+                points[i, GRIP] = -rows
                 rows += 1
             else:
                 across(normals[i], directions)

@@ -12,7 +12,7 @@ from cable_ros.mechanics.elements import Mesh, primitives
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.descent import descend, give_way
-from cable_ros.statics.friction_kernels import FRICTIONLESS, SLIDING
+from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.response import border_response
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.saddle import NEUTRAL
@@ -79,6 +79,7 @@ class TouchingRod(Rod):
             np.zeros((ROWS, ROWS)),
         )  # with friction: `skew_factor`'s
         self.c = np.zeros((len(self.h), len(self.primitives) + 1, 3))
+        self.judged = True  # whether `borders` and `complement` are those of the present borders
         self.ready = False  # whether the factors are those of the last equilibrium with its contact points
 
     def set_conditions(
@@ -246,6 +247,10 @@ class TouchingRod(Rod):
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = compiled.NOT_CONTRACTING, 0, False, np.inf
         self.ready = code == compiled.ADVANCED
+        age = self.drift + 2.0 * float(np.abs(q_new - q).max()) if self.ready else np.inf
+        if self.model == COULOMB and turned == 0.0 and self.count == kept[1] and age < self.refresh:
+            # what slips has new factors in most steps: no reason to judge them as often
+            turned, self.judged = age, False
         if self.ready and self.model != FRICTIONLESS and turned == 0.0:
             # with friction as it stands; the iteration's own factors say nothing about stability, but they
             # are what predicts the next step
@@ -261,8 +266,7 @@ class TouchingRod(Rod):
             self.sense, self.ready = sense, False
             return compiled.NOT_CONTRACTING, iterations, q_new, F_new
         self.set_conditions(qe, re, f, obstacles)
-        self.age = self.drift + 2.0 * float(np.abs(q_new - q).max())
-        self.drift = turned if same else 0.0
+        self.age, self.drift = age, turned if same else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         if moved and remesh:
             return self._remesh(q_new, F_new, iterations, tolerance)
@@ -330,10 +334,16 @@ class TouchingRod(Rod):
 
     def border_factor(self, mu: float, equalities: int) -> bool:
         """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
+        self.judged = True
         return bool(compiled.border_factor(
             self.elastic, self.geometric, mu, self.mesh.element.order, self.A, self.L, self.pivots,
             self.V, self.delta, self.rows, equalities, self.borders, self.complement,
         ))  # fmt: skip
+
+    def _judge(self) -> None:
+        """Have factors that tell of stability and errors, not those of the iteration with friction."""
+        if not self.judged:
+            self.border_factor(0.0, 3 + self.count)
 
     def border_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `compiled.border_step`."""
@@ -347,6 +357,7 @@ class TouchingRod(Rod):
     def _softest(self) -> float:
         if not self.count:
             return super()._softest()
+        self._judge()
         return float(compiled.margin(
             self.elastic, self.V, self.rows, self.mesh.element.order, self.L, self.pivots, self.borders,
             self.complement, self.mode, self.waves(), 50,
@@ -371,6 +382,7 @@ class TouchingRod(Rod):
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         if not self.count:
             return super().wrench_error(q, F)
+        self._judge()
         Fe, residual = np.empty((len(self.h), 3)), np.empty(self.g.size)
         point_forces(q, F, self.h, self.s0, self.tables[0], self.tables[4], self.primitives, self.points,
                      self.normals, self.count, Fe, self.acc)  # fmt: skip

@@ -115,8 +115,9 @@ def test_a_stop_in_the_midst_of_a_storm_leaves_a_whole_log(tmp_path, stop):
         with LogReader(path) as log:
             counts = {topic: log.topics[topic].count for topic in PUBLISHED}
         for topic, count in counts.items():
-            # What was published last may not reach us any more, as its publisher is gone.
-            assert robot.heard[topic] <= count <= robot.heard[topic] + 30
+            # Best effort loses some under way: the node's own count matters. What was published last may not
+            # reach us any more, as its publisher is gone.
+            assert robot.published[topic] <= count <= robot.published[topic] + 30
 
 
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
