@@ -41,7 +41,6 @@ with Lifetime() as lifetime:
     os.kill(os.getpid(), int(sys.argv[1]))
     print("went on")
     rclpy.spin(node)
-    print("never")
 print("after")
 """
     assert run(program, str(stop.value), "starting").split("\n")[:-1] == ["begun", "after"]
