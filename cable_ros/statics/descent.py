@@ -53,9 +53,9 @@ def descend(
 def _descend(
     rod: TouchingRod, q: np.ndarray, F: np.ndarray, options: Options, first: int
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """`descend` among the rod's obstacles as they are."""
+    """`descend` among the rod's obstacles as they are; leaves the rod where it fails."""
     assert rod.obstacles is not None
-    kept, mesh, total = rod.state(), rod.mesh, 0
+    before, total = rod.points[: rod.count].copy(), 0
     for stage in range(first, len(SPRINGS)):
         stiffness = SPRINGS[stage]
         rod.count = 0
@@ -71,7 +71,7 @@ def _descend(
         if stage > 0 and soft.phi[:, 1:-1].min(initial=0.0) < -SUNK[min(stage, len(SUNK) - 1)]:
             break  # it has been through the obstacle's middle: the springs only hold it inside
         soft.harden(q)
-        _inherit(rod, kept[0])
+        _inherit(rod, before)
         if not rod.count and rod.clear(q):
             return (q, F, total) if rod.refactor(q, F) else None
         if (rod.points[: rod.count, KIND] != POINT).any():
@@ -81,7 +81,6 @@ def _descend(
         )
         if code == compiled.ADVANCED:
             return q_new, F_new, total + iterations
-    rod.restore(kept, mesh)
     return None
 
 

@@ -128,7 +128,7 @@ def minimum_beside(q, h, s0, nodes, c, samples, k, phi, obstacle, down):
 
 
 @njit(**OPTIONS)
-def revise(q, h, s0, N, nodes, primitives, c, cells, samples, obstacles, depth, points, count, phi):
+def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi):
     """Change the contacts at a solution with the last ones: let go what pulls, take in what is inside.
 
     Returns (changed, count).
@@ -142,9 +142,9 @@ def revise(q, h, s0, N, nodes, primitives, c, cells, samples, obstacles, depth, 
         else:
             i += 1
     curve(q, h, N, primitives, c)
-    settled, count = settle(c, h, s0, points, count, cells, obstacles, depth)
+    settled, count = settle(c, h, s0, points, count, spacing, obstacles, depth)
     changed = changed or settled
-    spacing, m = 1.0 / cells, samples.shape[0]
+    m = samples.shape[0]
     scan(c, h, s0, samples, obstacles, phi)
     r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
@@ -243,7 +243,7 @@ def passage(q_old, q, h, s0, N, primitives, c, samples, old_obstacles, obstacles
 
 
 @njit(**OPTIONS)
-def dips(q, h, s0, nodes, c, samples, spacing, obstacles, phi, depth):
+def dips(q, h, s0, nodes, c, samples, obstacles, phi, depth):
     """Whether the curve between the samples is deeper than `depth` in some obstacle."""
     r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)

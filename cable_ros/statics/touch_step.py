@@ -179,7 +179,7 @@ def touch(
         # what is left of the iteration is nothing that sinks in
         left = depth + new * rate
         changed, count = revise(
-            q_new, h, s0, N, nodes, primitives, c, cells, samples, obstacles, left, points, count, phi
+            q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, left, points, count, phi
         )
         if not changed:
             moved = moved or coarse(points, count, h, s0, spacing)

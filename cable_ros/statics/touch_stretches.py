@@ -233,14 +233,13 @@ def neighbour(points, count, i, kind):
 
 
 @njit(**OPTIONS)
-def settle(c, h, s0, points, count, cells, obstacles, depth):
+def settle(c, h, s0, points, count, spacing, obstacles, depth):
     """Change the stretches at a solution with the last ones; returns (changed, count).
 
     What is so short that it dips less than `depth` becomes a point, stretches that meet become one, one that
     reaches the clamp begins there, and where samples pull the cable lifts off.
     """
     changed = False
-    spacing = 1.0 / cells
     i = 0
     while i < count:
         kind, s = points[i, KIND], points[i, PLACE]

@@ -249,8 +249,7 @@ def system(
                     V[rows, 3 * first + j] += normals[i, a] * turn[a, j]
             delta[rows] = 0.0 if ends else curved[i, 2] / points[i, FORCE]
             gaps[rows - 3] = tilts[i]
-            if ends or points[i, KIND] == POINT:
-                points[i, ROW] = rows
+            points[i, ROW] = rows
             rows += 1
         for b in range(begin, rows):
             upto[b] = e

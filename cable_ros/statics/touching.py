@@ -206,7 +206,7 @@ class TouchingRod(Rod):
         return not self._dips(q, self.obstacles)
 
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
-        return bool(dips(q, self.h, self.s0, self.mesh.element.nodes, self.c, self.samples, self.spacing,
+        return bool(dips(q, self.h, self.s0, self.mesh.element.nodes, self.c, self.samples,
                          obstacles, self.phi, self.depth))  # fmt: skip
 
     def state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
@@ -246,9 +246,9 @@ class TouchingRod(Rod):
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = compiled.NOT_CONTRACTING, 0, False, np.inf
-        self.ready = code == compiled.ADVANCED
+        self.ready, same = code == compiled.ADVANCED, self.count == kept[1]
         age = self.drift + 2.0 * float(np.abs(q_new - q).max()) if self.ready else np.inf
-        if self.model == COULOMB and turned == 0.0 and self.count == kept[1] and age < self.refresh:
+        if self.model == COULOMB and turned == 0.0 and same and age < self.refresh:
             # what slips has new factors in most steps: no reason to judge them as often
             turned, self.judged = age, False
         if self.ready and self.model != FRICTIONLESS and turned == 0.0:
@@ -259,7 +259,6 @@ class TouchingRod(Rod):
             self.restore(kept, mesh)
             self.sense = sense
             return code, iterations + spent, q_new, F_new
-        same = self.count == kept[1]
         curve(q_new, self.h, self.tables[0], self.primitives, self.c)
         if self.sunk(obstacles):
             self.restore(kept, mesh)
