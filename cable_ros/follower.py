@@ -22,7 +22,7 @@ from cable_ros.statics.detour import too_short
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.rod import NOTHING, Rod
 from cable_ros.statics.saddle import NEUTRAL
-from cable_ros.statics.search import ACCEPT, Conditions, Found, equilibria, refine, same
+from cable_ros.statics.search import ACCEPT, LENIENT, Conditions, Found, equilibria, refine, same
 from cable_ros.statics.touching import TouchingRod
 from cable_ros.statics.units import Units, relative, relative_change
 from cable_ros.statics.walk import End, Walk, walk
@@ -42,6 +42,7 @@ LONGEST_STRETCH = 1.1
 """A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
 OUTLINE = 101
 """So many points tell how near the cable comes to itself."""
+SINKS = "The cable could not be kept out of what it touches between the places that hold it."
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
 """What a result says whose stability margin is 0."""
@@ -311,7 +312,7 @@ class Follower:
         assert rod is not None
         if rod.drift == 0.0 or not self._estimate < np.inf:
             self._estimate = rod.relative_error(self._q, self._F)
-            if self._estimate > ACCEPT * self.tolerance:
+            if self._estimate > ACCEPT * self.tolerance or rod.unresolved(self._q, LENIENT).any():
                 found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
                 fine, self._estimate = refine(found, self.tolerance)
                 iterations += fine.iterations
@@ -323,6 +324,8 @@ class Follower:
                     f" {self._estimate:.1e}."
                 )
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
+            if rod.unresolved(self._q, LENIENT).any():
+                return self.failed(Status.NOT_CONVERGED, SINKS, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])
         if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:

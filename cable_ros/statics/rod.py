@@ -81,6 +81,10 @@ class Rod:
         """End frame (4,) scalar first, end position (3,), load (3,) per length; see `TouchingRod`."""
         self.qe, self.re, self.f = qe, re, f
 
+    def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
+        """Which elements (elements,) are too long for something else than the wrench; see `TouchingRod`."""
+        return np.zeros(len(self.h), bool)
+
     def suited(self, mesh: Mesh) -> Mesh:
         """The mesh, changed where this rod has to have boundaries between elements."""
         return mesh

@@ -16,6 +16,9 @@ from cable_ros.statics.touching import TouchingRod
 
 AIM, ACCEPT = 0.1, 0.45
 """A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
+LENIENT = 1.6
+"""An old one is kept while contacts misplace its elements by this many times what a new one may; see
+`TouchingRod.unresolved`."""
 TAUT = 0.999
 """Where its chord is more than this part of its length, a stretching cable is looked for straight first."""
 SEARCH = 1e-2
@@ -124,9 +127,13 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
         iterations += closer.iterations
     estimate = found.rod.relative_error(found.q, found.F)
     for _ in range(8):
-        if estimate <= accept * tolerance:
+        unresolved = found.rod.unresolved(found.q)
+        if estimate > accept * tolerance:
+            mesh = better_mesh(found.rod, estimate, tolerance)
+        elif unresolved.any():
+            mesh = found.rod.mesh.split(unresolved)
+        else:
             break
-        mesh = better_mesh(found.rod, estimate, tolerance)
         finer = on_mesh(found, mesh)
         if finer is None:
             finer = on_mesh(found, found.rod.mesh.split(np.ones(len(found.rod.h), bool)))

@@ -14,7 +14,7 @@ from cable_ros.statics.saddle import border_factor, border_step, end_coupling
 from cable_ros.statics.touch_places import place_points
 from cable_ros.statics.touch_points import FORCE, FRICTION, GRIP, HELD, KIND, SAMPLE
 from cable_ros.statics.touch_search import flatten, revise
-from cable_ros.statics.touch_stretches import SAMPLES, coarse, cover, fill, move_ends
+from cable_ros.statics.touch_stretches import SAMPLES, coarse, cover, fill, move_ends, shrink
 from cable_ros.statics.touch_system import system
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -101,8 +101,9 @@ def touch(
                 moved = not place_points(
                     q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count
                 )
+                shrunk, count = shrink(points, count, spacing, depth)
                 changes, count = fill(points, count, h, s0, covered)
-                changes += flattened
+                changes += flattened + shrunk
             holds = holds and changes == 0
             full = not holds or (not lift and (drift > refresh or rate > SLOW))
             if not full:

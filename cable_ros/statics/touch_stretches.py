@@ -193,8 +193,8 @@ def grounded(c, h, s0, obstacle, s):
 def move_ends(points, count, y, spacing):
     """Move the ends of stretches to where no couple holds them; y (rows,) the borders' multipliers.
 
-    The couple that holds the slope, divided by the force that acts there, is its lever. Returns the largest
-    motion.
+    The couple that holds the slope, divided by the force that acts there, is its lever; what pulls is in
+    too far. Returns the largest motion.
     """
     largest = 0.0
     ways = np.zeros(count)
@@ -211,6 +211,8 @@ def move_ends(points, count, y, spacing):
             else:
                 forth = min(forth, d)
         way = y[int(points[i, ROW])] / max(abs(points[i, FORCE]), FAINT)
+        if points[i, FORCE] < 0.0:
+            way = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
         way = min(max(way, -STRIDE * spacing), STRIDE * spacing)
         ways[i] = min(max(way, -ROOM * back), ROOM * forth)
         largest = max(largest, abs(ways[i]))
@@ -233,13 +235,30 @@ def neighbour(points, count, i, kind):
 
 
 @njit(**OPTIONS)
+def shrink(points, count, spacing, depth):
+    """Make points of the stretches that are so short that they dip less than `depth`; (changed, count)."""
+    changed, i = False, 0
+    while i < count:
+        j = neighbour(points, count, i, LAST) if points[i, KIND] == FIRST else -1
+        length = points[j, PLACE] - points[i, PLACE] if j >= 0 else 1.0
+        if length < spacing and length**3 * (points[i, FORCE] + points[j, FORCE]) < depth:
+            points[i, FORCE : HELD + 3] += points[j, FORCE : HELD + 3]
+            points[i, PLACE], points[i, KIND] = points[i, PLACE] + 0.5 * length, POINT
+            count = remove(points, count, j)
+            changed, i = True, 0
+        else:
+            i += 1
+    return changed, count
+
+
+@njit(**OPTIONS)
 def settle(c, h, s0, points, count, spacing, obstacles, depth):
     """Change the stretches at a solution with the last ones; returns (changed, count).
 
     What is so short that it dips less than `depth` becomes a point, stretches that meet become one, one that
     reaches the clamp begins there, and where samples pull the cable lifts off.
     """
-    changed = False
+    changed, count = shrink(points, count, spacing, 5.0 * depth)
     i = 0
     while i < count:
         kind, s = points[i, KIND], points[i, PLACE]
@@ -252,18 +271,7 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
             count = remove(points, count, i)
             changed = True
             continue
-        if kind == FIRST:
-            j = neighbour(points, count, i, LAST)
-            total = points[i, FORCE] + points[j, FORCE] if j >= 0 else 0.0
-            length = points[j, PLACE] - s if j >= 0 else 1.0
-            if j >= 0 and length < spacing and length**3 * total < 5.0 * depth:
-                points[i, FORCE : HELD + 3] += points[j, FORCE : HELD + 3]
-                points[i, PLACE], points[i, KIND] = 0.5 * (s + points[j, PLACE]), POINT
-                count = remove(points, count, j)
-                changed = True
-                i = 0
-                continue
-        else:
+        if kind == LAST:
             j = neighbour(points, count, i, FIRST)
             if j >= 0 and points[j, PLACE] - s < 0.1 * spacing:
                 count = remove(points, count, max(i, j))

@@ -27,6 +27,7 @@ from cable_ros.statics.touch_points import (
     TIE,
     held,
 )
+from cable_ros.statics.touch_resolution import misplaced
 from cable_ros.statics.touch_search import dips, passage, scan
 from cable_ros.statics.touch_step import touch
 from cable_ros.statics.touch_stretches import resample
@@ -55,6 +56,7 @@ class TouchingRod(Rod):
         self.tolerance = tolerance
         # penetration far below 1e-6 at the default tolerance, above the rounding of positions
         self.depth = float(np.clip(1e-5 * tolerance, 1e-12, 1e-8))
+        self.sag = 5e-7 * (tolerance / 1e-4) ** 0.5  # what may be inside where no contact point can be
         self.cells, self.spacing, self.samples = 1, 1.0, np.zeros(0)
         self.model = FRICTIONLESS
         self.patience = 0  # so many descents more may be made of steps that fail; see `descent.give_way`
@@ -95,8 +97,7 @@ class TouchingRod(Rod):
     def _sample(self, obstacles: int) -> None:
         """Choose where contact is looked for: as finely as tolerance asks; weight sags little between."""
         weight = float(np.linalg.norm(self.f))
-        sag = 5e-7 * (self.tolerance / 1e-4) ** 0.5
-        self.cells = int(np.clip(np.ceil((weight / (384.0 * sag)) ** 0.25), 40, 150))
+        self.cells = int(np.clip(np.ceil((weight / (384.0 * self.sag)) ** 0.25), 40, 150))
         self.spacing = 1.0 / self.cells
         self.samples = np.linspace(0.0, 1.0, self.cells + 1)
         self.phi = np.zeros((obstacles, self.cells + 1))
@@ -314,6 +315,18 @@ class TouchingRod(Rod):
             return code, iterations + more, q_new, F_new
         self.restore(kept, old)
         return compiled.ADVANCED if self.refactor(q, F) else compiled.NOT_CONVEX, iterations, q, F
+
+    def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
+        """Which elements (elements,) are too long to stay where contacts hold them.
+
+        Off by `leeway` times what a depth inside an obstacle, or a tenth of the wrench's tolerance, allows.
+        """
+        if not self.count:
+            return super().unresolved(q, leeway)
+        out = np.empty(len(self.h))
+        curve(q, self.h, self.tables[0], self.primitives, self.c)
+        misplaced(q, self.h, self.s0, self.fine, self.c, self.obstacles, self.points, self.count, out)
+        return out > leeway * min(self.sag, 0.1 * self.tolerance)
 
     def suited(self, mesh: Mesh) -> Mesh:
         return suited(mesh, self.points[: self.count])
