@@ -16,13 +16,13 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 CAPACITY = 240
 """Contact points at once."""
 OBSTACLE, PLACE, KIND, FORCE, FRICTION, HELD, TIE, LENGTH, ROW = 0, 1, 2, 3, 4, 7, 10, 11, 12
-SLIPS, GRIP = 13, 14
+SLIPS, GRIP, WENT = 13, 14, 15
 """Columns of the contact points (CAPACITY, COLUMNS): obstacle, arc length, kind, normal force, friction (3),
 the friction of the last equilibrium (3), the boundary between elements that goes with the point (-1: none),
 the length of cable that a sample stands for, the border that holds the slope of the gap at the end of a
-stretch, or the number of a sample, counted along the cable, 1 for what slips, and the first of the two
-borders that hold what sticks (0: none)."""
-COLUMNS = 15
+stretch, or the number of a sample, counted along the cable, 1 for what slips, the first of the two borders
+that hold what sticks (0: none), and how far the end of a stretch went in the last iteration."""
+COLUMNS = 16
 POINT, SAMPLE, FIRST, LAST = 0.0, 1.0, 2.0, 3.0
 """Kinds: a touching point, one of the samples of a stretch, the first and the last point of a stretch.
 

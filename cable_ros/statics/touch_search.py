@@ -128,10 +128,11 @@ def minimum_beside(q, h, s0, nodes, c, samples, k, phi, obstacle, down):
 
 
 @njit(**OPTIONS)
-def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, points, count, phi):
+def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, give, points, count, phi):
     """Change the contacts at a solution with the last ones: let go what pulls, take in what is inside.
 
-    Returns (changed, count).
+    By more than `depth`; in a stretch and beside its ends, where only a finer mesh can tell what touches, by
+    more than `give`. Returns (changed, count).
     """
     changed = False
     i = 0
@@ -160,12 +161,14 @@ def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth
             if inside(points, count, o, s):
                 e, x = find_element(s, s0, h)
                 g = SAMPLES * e + min(int(SAMPLES * x), SAMPLES - 1)
-                if value < -100.0 * depth - CLAMPED and not sampled(points, count, o, g):
+                if value < -give - CLAMPED and not sampled(points, count, o, g):
                     count = sample(points, count, o, g, h, s0)
                     changed = True
                 continue
             near = nearest(points, count, o, s, APART * spacing)
             if near >= 0 and points[near, KIND] != POINT:
+                if value >= -give:
+                    continue
                 points[near, PLACE] = s
             elif near >= 0:
                 # two minima closer than the samples can tell: the cable begins to lie on the surface

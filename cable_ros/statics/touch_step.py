@@ -53,16 +53,16 @@ def touch(
     q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, samples,
     obstacles, old_obstacles, sense, model, points, count, rows, ready, known, old_f, gaps, normals,
     elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
-    tolerance, depth, limit, drift, refresh, q_new, F_new,
+    tolerance, depth, give, limit, drift, refresh, q_new, F_new,
 ):  # fmt: skip
     """From the equilibrium (q, F) with contact to the one under new conditions; see `compiled.advance`.
 
     A tangent step from the old state, Newton's method on the active set, and revisions of the set until no
-    point pulls and nothing is deeper inside than `depth`. Changes points, h and s0 in place. Where factors of
-    an equilibrium with the same `rows` borders are there, `ready`, from which some section has turned by
-    `drift` rad, they serve until that is more than `refresh` or no longer contract. `known`: the gradient
-    at (q, F) is still there, that for the load `old_f`. Returns (code, iterations,
-    count, rows, whether another mesh would hold the points better, drift; 0: the factors are new).
+    point pulls and nothing is deeper inside than `depth`, beside stretches than `give`. Changes points, h and
+    s0 in place. Where factors of an equilibrium with the same `rows` borders are there, `ready`, from which
+    some section has turned by `drift` rad, they serve until that is more than `refresh` or no longer
+    contract. `known`: the gradient at (q, F) is still there, that for the load `old_f`. Returns (code,
+    iterations, count, rows, whether another mesh would hold the points better, drift; 0: factors are new).
     """
     N, gauss = tables[0], tables[4]
     order = N.shape[1] - 1
@@ -180,8 +180,9 @@ def touch(
         # what is left of the iteration is nothing that sinks in
         left = depth + new * rate
         changed, count = revise(
-            q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, left, points, count, phi
-        )
+            q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, left, left - depth + give,
+            points, count, phi,
+        )  # fmt: skip
         if not changed:
             moved = moved or coarse(points, count, h, s0, spacing)
             if not convex and model == FRICTIONLESS:

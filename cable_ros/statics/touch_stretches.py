@@ -25,6 +25,7 @@ from cable_ros.statics.touch_points import (
     POINT,
     ROW,
     SAMPLE,
+    WENT,
     add,
     remove,
 )
@@ -40,6 +41,8 @@ STRIDE = 2.0
 """An end of a stretch goes so many samples' spacing at most in an iteration."""
 ROOM = 0.45
 """And this part of the way to what is next to it."""
+CREEP = 0.3
+"""An end that goes this part of its last way again is sent where a geometric series of such ways ends."""
 FAINT = 1e-3
 """Force, EI / L^2, below which the place where it acts is found with care."""
 CLAMPED = 1e-8
@@ -213,6 +216,9 @@ def move_ends(points, count, y, spacing):
         way = y[int(points[i, ROW])] / max(abs(points[i, FORCE]), FAINT)
         if points[i, FORCE] < 0.0:
             way = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
+        went, points[i, WENT] = points[i, WENT], way
+        if CREEP * went * went < way * went < went * went:
+            way, points[i, WENT] = way / (1.0 - way / went), 0.0
         way = min(max(way, -STRIDE * spacing), STRIDE * spacing)
         ways[i] = min(max(way, -ROOM * back), ROOM * forth)
         largest = max(largest, abs(ways[i]))
@@ -330,22 +336,20 @@ def part(points, count, h, s0, obstacles):
 def lift(points, count, o, s, low, high):
     """Let the cable lift off about s, between the samples at `low` and `high` that still press (-1: none).
 
-    Where none does the stretch's end comes to where one does; a stretch without one is two points.
+    The stretch's end is a point where none does.
     """
-    first, last = end_beside(points, count, o, s, FIRST), end_beside(points, count, o, s, LAST)
-    if low < 0.0 and high < 0.0:
-        for e in (first, last):
-            if e >= 0:
-                points[e, KIND] = POINT
-    elif low < 0.0 and first >= 0:
-        points[first, PLACE] = high
-    elif high < 0.0 and last >= 0:
-        points[last, PLACE] = low
+    if low >= 0.0:
+        count = add(points, count, o, low, LAST)
     else:
-        if low >= 0.0:
-            count = add(points, count, o, low, LAST)
-        if high >= 0.0:
-            count = add(points, count, o, high, FIRST)
+        first = end_beside(points, count, o, s, FIRST)
+        if first >= 0:
+            points[first, KIND] = POINT
+    if high >= 0.0:
+        count = add(points, count, o, high, FIRST)
+    else:
+        last = end_beside(points, count, o, s, LAST)
+        if last >= 0:
+            points[last, KIND] = POINT
     return count
 
 

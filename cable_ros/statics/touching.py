@@ -56,7 +56,8 @@ class TouchingRod(Rod):
         self.tolerance = tolerance
         # penetration far below 1e-6 at the default tolerance, above the rounding of positions
         self.depth = float(np.clip(1e-5 * tolerance, 1e-12, 1e-8))
-        self.sag = 5e-7 * (tolerance / 1e-4) ** 0.5  # what may be inside where no contact point can be
+        self.sag = 5e-7 * (tolerance / 1e-4) ** 0.5  # what may be inside where no contact point is looked for
+        self.give = 0.5 * min(self.sag, 0.1 * tolerance)  # and where only a finer mesh could keep it out
         self.cells, self.spacing, self.samples = 1, 1.0, np.zeros(0)
         self.model = FRICTIONLESS
         self.patience = 0  # so many descents more may be made of steps that fail; see `descent.give_way`
@@ -243,7 +244,7 @@ class TouchingRod(Rod):
                 self.points, self.count, self.rows, self.ready, known, self.f, self.gaps, self.normals,
                 self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W,
                 self.delta, self.lines, self.upto, Y, S, self.acc, self.g, self.radial, self.totals,
-                tolerance, self.depth, limit, self.drift, self.refresh, q_new, F_new,
+                tolerance, self.depth, self.give, limit, self.drift, self.refresh, q_new, F_new,
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = compiled.NOT_CONTRACTING, 0, False, np.inf
@@ -317,16 +318,13 @@ class TouchingRod(Rod):
         return compiled.ADVANCED if self.refactor(q, F) else compiled.NOT_CONVEX, iterations, q, F
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
-        """Which elements (elements,) are too long to stay where contacts hold them.
-
-        Off by `leeway` times what a depth inside an obstacle, or a tenth of the wrench's tolerance, allows.
-        """
+        """Which elements (elements,) are too long to stay where contacts hold them; see `give`."""
         if not self.count:
             return super().unresolved(q, leeway)
         out = np.empty(len(self.h))
         curve(q, self.h, self.tables[0], self.primitives, self.c)
         misplaced(q, self.h, self.s0, self.fine, self.c, self.obstacles, self.points, self.count, out)
-        return out > leeway * min(self.sag, 0.1 * self.tolerance)
+        return out > 2.0 * leeway * self.give
 
     def suited(self, mesh: Mesh) -> Mesh:
         return suited(mesh, self.points[: self.count])
