@@ -12,7 +12,7 @@ from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TO
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.statics.saddle import border_factor, border_step, end_coupling
 from cable_ros.statics.touch_places import place_points
-from cable_ros.statics.touch_points import FORCE, FRICTION, GRIP, HELD, KIND, SAMPLE
+from cable_ros.statics.touch_points import FORCE, FRICTION, GRIP, HELD, KIND, POINT, ROW, SAMPLE
 from cable_ros.statics.touch_search import flatten, revise
 from cable_ros.statics.touch_stretches import SAMPLES, coarse, cover, fill, move_ends, shrink
 from cable_ros.statics.touch_system import system
@@ -162,6 +162,9 @@ def touch(
                         points[i, FRICTION + a] += y[k] * lines[k, a] + y[k + 1] * lines[k + 1, a]
                 if points[i, KIND] != SAMPLE:
                     change = max(change, abs(y[3 + i]))
+                # the couple is the force times the way that its place has still to go
+                if points[i, KIND] == POINT and points[i, ROW] > 0.0:
+                    change = max(change, abs(y[int(points[i, ROW])]))
             new = max(new, change / scale, move_ends(points, count, y, spacing))
             if not lift:
                 total += 1
