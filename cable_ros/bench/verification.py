@@ -111,24 +111,27 @@ def verify(
 
 
 ALONE = 0.03
-"""Of touches nearer to each other than half of this, a fourth where they slide, parts of the length, one
-holds."""
+"""Of touches on one surface nearer to each other than half of this, a fourth where they slide, parts of the
+length, one holds."""
 
 
 def _spread(touches: Sequence[Touch]) -> list[Touch]:
     """Touches that hold the rod, at some distance from each other; those in between keep the forces told.
 
-    The rod can hardly tell apart the forces of points side by side, so they cannot be found one by one. Those
-    that stand alone slide to where the gap is smallest: a soft rod answers to a place that is a little off by
-    a shape that is much more so.
+    The rod can hardly tell apart the forces of points side by side on one surface, so they cannot be found
+    one by one; those on two surfaces it can, and two that pinch it may only stand both. Those that stand
+    alone slide to where the gap is smallest: a soft rod answers to a place that is a little off by a shape
+    that is much more so.
     """
     out: list[Touch] = []
-    last = -1.0
-    places = np.array([touch.place for touch in touches])
+    last: dict[object, float] = {}
     for touch in sorted(touches, key=lambda touch: touch.place):
-        holds = touch.holds and touch.place - last > (0.25 if touch.slides else 0.5) * ALONE
-        last = touch.place if holds else last
-        alone = int((np.abs(places - touch.place) < 0.25 * ALONE).sum()) == 1
+        apart = touch.place - last.get(touch.surface, -1.0)
+        holds = touch.holds and apart > (0.25 if touch.slides else 0.5) * ALONE
+        if holds:
+            last[touch.surface] = touch.place
+        near = [other for other in touches if abs(other.place - touch.place) < 0.25 * ALONE]
+        alone = sum(other.surface is touch.surface for other in near) == 1
         out.append(replace(touch, holds=holds, slides=touch.slides and holds and alone))
     return out
 
