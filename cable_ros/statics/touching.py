@@ -21,8 +21,12 @@ from cable_ros.statics.touch_points import (
     CAPACITY,
     COLUMNS,
     FORCE,
+    FRICTION,
+    GRIP,
     HELD,
     KIND,
+    OBSTACLE,
+    POINT,
     SAMPLE,
     TIE,
     held,
@@ -36,6 +40,8 @@ from cable_ros.statics.touch_system import nodal, point_forces, system
 ROWS = 3 + 6 * CAPACITY
 DEEPEST = 1e-5
 """What is deeper inside an obstacle, parts of the length, is no equilibrium."""
+RELEASED = 1e30
+"""A border so soft, L^3 / EI, holds nothing."""
 
 
 class TouchingRod(Rod):
@@ -135,12 +141,35 @@ class TouchingRod(Rod):
         if self.count:
             assert self.obstacles is not None
             # mostly the same equilibrium on another mesh: its contacts are known
+            q_let, F_let = self._let_go(q, F, options.step_tolerance)
             code, iterations, q_new, F_new = self.touch(
-                q, F, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
+                q_let, F_let, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
             )
             if code == compiled.ADVANCED:
                 return q_new, F_new, iterations
         return descend(self, q, F, options)
+
+    def _let_go(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+        """The equilibrium (q, F) on a fresh mesh with the friction that it had: what sticks goes along.
+
+        A finer mesh shows the shape better everywhere; that is no motion against which friction would act.
+        Only where points touch: the samples of a stretch are others on another mesh.
+        """
+        points = self.points[: self.count]
+        if self.model != COULOMB or not points[:, FRICTION:HELD].any() or (points[:, KIND] != POINT).any():
+            return q, F
+        assert self.obstacles is not None
+        kept, mesh = self.state(), self.mesh
+        self.model = FRICTIONLESS
+        code, _, q_new, F_new = self.touch(
+            q, F, self.qe, self.re, self.f, tolerance, 0.6, self.obstacles, remesh=False
+        )
+        self.model, self.ready = COULOMB, False
+        same = self.count == kept[1] and (self.points[: self.count, OBSTACLE] == kept[0][:, OBSTACLE]).all()
+        if code == compiled.ADVANCED and same:
+            return q_new, F_new
+        self.restore(kept, mesh)
+        return q, F
 
     def fit(self, q: np.ndarray) -> np.ndarray:
         """Change to a mesh that holds the contact points well; returns the shape q (n, 4) on it."""
@@ -308,8 +337,9 @@ class TouchingRod(Rod):
         old, kept = self.mesh, self.state()
         fresh = self.fit(q)
         assert self.obstacles is not None
+        fresh, F_fresh = self._let_go(fresh, F, tolerance)
         code, more, q_new, F_new = self.touch(
-            fresh, F, self.qe, self.re, self.f, tolerance, 0.6, self.obstacles, remesh=False
+            fresh, F_fresh, self.qe, self.re, self.f, tolerance, 0.6, self.obstacles, remesh=False
         )
         self.drift = 0.0
         if code == compiled.ADVANCED:
@@ -399,10 +429,17 @@ class TouchingRod(Rod):
         nodal(q, self.acc, residual)
         curve(q, self.h, self.tables[0], self.primitives, self.c)
         coarse = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
+        # what sticks does so where this mesh has put it: the force stays, no border holds the place
+        grips = np.abs(self.points[: self.count, GRIP]).astype(int)
+        held = np.concatenate([grips[grips > 0], 1 + grips[self.points[: self.count, GRIP] > 0.0]])
+        complement = self.complement
+        if len(held) and self.model == COULOMB:
+            complement = complement.copy()
+            complement[held, held] = RELEASED
         return np.asarray(compiled.error(
             q, Fe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine, self.bubble,
             self.elastic, self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L,
-            self.pivots, self.borders, self.complement, self.g, residual, self.shares,
+            self.pivots, self.borders, complement, self.g, residual, self.shares,
         ))  # fmt: skip
 
 
