@@ -21,6 +21,8 @@ STRETCH = 0.02
 """Forces nearer to each other than this, parts of the length, are summed."""
 CELL = 4e-3
 """Pressure is made of forces so near to each other, parts of the length."""
+LAYER = 0.1
+"""And no farther apart than this part of the bends that a taut cable has where it is pushed."""
 CLAMP = 0.015
 """What presses nearer to a clamp than this does not hold the rod there."""
 ROUNDING = 1e-6
@@ -50,6 +52,9 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
     """The claimed contacts as verification takes them; pressure as many forces side by side."""
     length = rod.length
     unit = float(np.mean(rod.stiffness[:2])) / length**2
+    largest = max(float(np.linalg.norm(wrench[:3])) for wrench in (claim.start_wrench, claim.end_wrench))
+    bend = math.sqrt(float(rod.stiffness[:2].min()) / max(largest, 1e-300))
+    cell = min(CELL * length, LAYER * bend)
 
     def surface(signed: Distance):  # type: ignore[no-untyped-def]
         def at(r: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -69,7 +74,7 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
         points = [(c.arc_length, c.normal_force, c.friction) for c in mine if c.length == 0.0]
         for place, normal_force, friction in points:
             out.append(Touch(place / length, at, normal_force / unit, friction / unit))
-        for place, normal_force in spread(mine, length):
+        for place, normal_force in spread(mine, cell):
             # the clamp itself holds what is next to it
             holds = CLAMP < place / length < 1.0 - CLAMP
             out.append(Touch(place / length, at, normal_force / unit, np.zeros(3), holds, slides=False))
@@ -79,10 +84,11 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
     return out
 
 
-def spread(contacts: Sequence[Contact], length: float) -> list[tuple[float, float]]:
+def spread(contacts: Sequence[Contact], cell: float) -> list[tuple[float, float]]:
     """Place, m, and normal force, N, of many forces that make up the pressure on one obstacle.
 
-    Between the contacts that have a length it is interpolated; the sum stays theirs. `length` is the cable's.
+    Between the contacts that have a length it is interpolated; the sum stays theirs. The forces are at most
+    `cell`, m, apart.
     """
     out = []
     points = [c.arc_length for c in contacts if c.length == 0.0]
@@ -99,7 +105,7 @@ def spread(contacts: Sequence[Contact], length: float) -> list[tuple[float, floa
         lengths = np.array([c.length for c in run])
         near = [p for p in [0.0, *points] if 0.0 <= run[0].arc_length - p < run[0].length]
         low = max(near, default=run[0].arc_length - 0.4 * run[0].length)
-        cells = max(len(run), math.ceil(lengths.sum() / (CELL * length)))
+        cells = max(len(run), math.ceil(lengths.sum() / cell))
         at = low + lengths.sum() * (np.arange(cells) + 0.5) / cells
         told = np.array([c.normal_force for c in run])
         forces = np.interp(at, [c.arc_length for c in run], told / lengths) * lengths.sum() / cells
