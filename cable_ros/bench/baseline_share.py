@@ -97,6 +97,7 @@ def baseline_rows(cases: list[Case]) -> list[list[str]]:
                 name,
                 f"cold starts, error below {METHODS[name][0]:g}",
                 str(len(tries)),
+                "",
                 f"{100 * good / max(1, len(tries)):.2f} %",
                 str(reported),
                 str(len(tries) - good - reported),

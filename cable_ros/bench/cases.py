@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from cable_ros.bench.touching import Surface, contact_fault, pull_fault, surfaces, touches
 from cable_ros.bench.verification import Rod, Verification, verify
+from cable_ros.bench.way import Way, shortest
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.scene import Scene, load_scene
 from cable_ros.scene.kinematics import Kinematics
@@ -69,10 +70,22 @@ class Step:
     fault: str | None
     """Why the answer is wrong; None: verified, or reported as not to be trusted."""
     scene: Scene | None = None
+    way: Way | None = None
+    """The shortest ways past the obstacles, looked for where there is no answer among them."""
 
     @property
     def verified(self) -> bool:
         return self.verification is not None and self.fault is None
+
+    @property
+    def impossible(self) -> bool:
+        """Whether it was said that the cable is too short for any equilibrium, and rightly."""
+        return (
+            self.equilibrium.status is Status.OUT_OF_REACH
+            and self.fault is None
+            and self.way is not None
+            and self.way.too_long
+        )
 
 
 @dataclass(frozen=True)
@@ -176,15 +189,27 @@ def solve_step(
     radii = {cable.name: cable.radius for cable in scene.cables}
     steps = []
     for name, rod in rods(scene, kinematics, at).items():
+        way = None
         if usable:
             resolved = _resolved(name, rod, answers[name], tracker, joints)
             met = surfaces(scene, kinematics, joint_values(kinematics, joints), radii[name])
             verification, fault = judge(rod, resolved, tracker.tolerance, met)
+            if met and answers[name].status in (Status.OUT_OF_REACH, Status.NOT_CONVERGED):
+                distances = {which: surface.signed for which, surface in met.items()}
+                way = shortest(rod.start[:3], rod.end[:3], rod.length, distances)
+                fault = reach_fault(answers[name], way, rod.length)
         else:
             trusted = answers[name].status.trusted
             verification, fault = None, "trusted without usable joints" if trusted else None
-        steps.append(Step(answers[name], rod, verification, seconds, fault, scene))
+        steps.append(Step(answers[name], rod, verification, seconds, fault, scene, way))
     return steps
+
+
+def reach_fault(answer: Equilibrium, way: Way, length: float) -> str | None:
+    """What is wrong with the claim that a cable of `length`, m, is too short, with these ways to go."""
+    if answer.status is not Status.OUT_OF_REACH or not way.fits:
+        return None
+    return f"said to be too short, but {way.told(length)}"
 
 
 def _resolved(name: str, rod: Rod, answer: Equilibrium, tracker: Tracker, joints: Pose) -> Equilibrium:

@@ -21,13 +21,14 @@ from cable_ros.equilibrium import Equilibrium
 from cable_ros.solve.status import Status
 
 SHARE = 0.999
-"""Least share of cases that must converge to a verified equilibrium."""
+"""Least share of cases that must converge to a verified equilibrium, of those that may have one."""
 SLOW = 1.0
 """No case may take longer, s."""
 HEAD = (
     "method",
     "cases",
     "count",
+    "no equilibrium exists, confirmed",
     "converged and verified",
     "reported as not",
     "wrong",
@@ -102,10 +103,19 @@ def _run_one(args: argparse.Namespace) -> int:
         print(
             f"{i:4d}  {found.status.name:13s} twist {found.total_twist:+9.4f}  energy {found.energy:.6g}  "
             f"margin {found.stability_margin:.3g}  error {error:.1e}  iterations {found.iterations:3d}  "
-            f"{1e3 * step.seconds:.2f} ms  {_touched(found)}{step.fault or ''}"
+            f"{1e3 * step.seconds:.2f} ms  {_touched(found)}{step.fault or _reason(step)}"
         )
-    print(outcome.fault or "verified" if outcome.steps else outcome.fault)
-    return 0 if outcome.passed else 1
+    tally = Tally(kind)
+    tally.add(outcome)
+    print(outcome.fault or "verified")
+    return 0 if outcome.passed and not tally.reported else 1
+
+
+def _reason(step: Step) -> str:
+    """Why there is no answer, where there is none, and what ways there are past the obstacles."""
+    if step.equilibrium.status.trusted:
+        return ""
+    return step.equilibrium.message + (f" Checked: {step.way.told(step.rod.length)}." if step.way else "")
 
 
 def _touched(found: Equilibrium) -> str:
@@ -122,6 +132,7 @@ class Answer:
     """What is counted of one answer: the whole of 20,000 would not fit into memory."""
 
     verified: bool
+    impossible: bool
     seconds: float
     iterations: int
     error: float
@@ -136,6 +147,7 @@ class Answer:
         rod = step.rod
         return cls(
             step.verified,
+            step.impossible,
             step.seconds,
             step.equilibrium.iterations,
             step.verification.wrench_error if step.verification and step.verified else np.nan,
@@ -155,6 +167,8 @@ class Tally:
     """Published as true and not, raised, or took too long."""
     reported: list[tuple[Case, str]] = field(default_factory=list)
     """Honestly said not to be solved."""
+    impossible: list[tuple[Case, str]] = field(default_factory=list)
+    """Said to have no equilibrium, which was confirmed."""
     statuses: Counter[Status] = field(default_factory=Counter)
 
     def add(self, outcome: Outcome) -> None:
@@ -164,20 +178,23 @@ class Tally:
             where = f"pose {i}: " if len(outcome.steps) > 1 else ""
             if step.fault is not None:
                 self.wrong.append((outcome.case, where + step.fault))
+            elif step.impossible:
+                self.impossible.append((outcome.case, where + _reason(step)))
             elif not step.equilibrium.status.trusted:
-                self.reported.append((outcome.case, where + step.equilibrium.message))
+                self.reported.append((outcome.case, where + _reason(step)))
             if step.seconds > SLOW:
                 self.wrong.append((outcome.case, f"{where}took {step.seconds:.1f} s"))
         for before, after in pairwise(outcome.steps):
             if _hidden_jump(before, after):
                 self.wrong.append((outcome.case, "the shape jumped without a report of a snap"))
-        if not outcome.passed and not any(case is outcome.case for case, _ in self.wrong + self.reported):
+        told = self.wrong + self.reported + self.impossible
+        if not outcome.passed and not any(case is outcome.case for case, _ in told):
             self.wrong.append((outcome.case, outcome.fault or ""))
 
     @property
     def share(self) -> float:
-        """Share of answers that are verified equilibria."""
-        return sum(answer.verified for answer in self.answers) / max(1, len(self.answers))
+        """Share of answers that are verified equilibria, of those that may have one."""
+        return _share(self.answers)
 
     @property
     def good(self) -> bool:
@@ -190,6 +207,7 @@ class Tally:
             "cable_ros",
             self.name,
             str(len(self.answers)),
+            str(len(self.impossible)),
             f"{100 * self.share:.2f} %",
             str(len(self.reported)),
             str(len(self.wrong)),
@@ -203,7 +221,8 @@ class Tally:
         errors = [answer.error for answer in self.answers if answer.verified]
         lines = [
             f"{self.name}: {len(self.answers)}, seed {seed}",
-            f"  converged and verified  {100 * self.share:.3f} %",
+            f"  no equilibrium exists   {len(self.impossible)}, confirmed",
+            f"  converged and verified  {100 * self.share:.3f} % of the others",
             f"  reported as not         {len(self.reported)}",
             f"  wrong                   {len(self.wrong)}",
             "  statuses                "
@@ -217,7 +236,11 @@ class Tally:
             *self._by("gravity number", [answer.gravity_number for answer in self.answers], GRAVITY_EDGES),
             *self._by("chord / length", [answer.chord for answer in self.answers], CHORD_EDGES),
         ]
-        for title, cases in (("reported", self.reported), ("WRONG", self.wrong)):
+        for title, cases in (
+            ("no equilibrium", self.impossible),
+            ("reported", self.reported),
+            ("WRONG", self.wrong),
+        ):
             lines += [f"  {title}: {_label(case)}: {why}" for case, why in cases[:50]]
             if len(cases) > 50:
                 lines.append(f"  ... and {len(cases) - 50} more {title}")
@@ -235,11 +258,16 @@ class Tally:
             ms = [1e3 * answer.seconds for answer in chosen]
             lines.append(
                 f"    {edges[i]:8g} .. {edges[i + 1]:8g}  {len(chosen):6d} "
-                f"{100 * np.mean([answer.verified for answer in chosen]):8.2f}% "
+                f"{100 * _share(chosen):8.2f}% "
                 f"{np.median([answer.iterations for answer in chosen]):10.0f} "
                 f"{np.median(ms):8.2f} {max(ms):8.1f}"
             )
         return lines
+
+
+def _share(answers: list[Answer]) -> float:
+    possible = sum(not answer.impossible for answer in answers)
+    return sum(answer.verified for answer in answers) / possible if possible else 1.0
 
 
 def _label(case: Case) -> str:

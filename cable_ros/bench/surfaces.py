@@ -15,11 +15,11 @@ Distance = Callable[[np.ndarray], np.ndarray]
 
 def distance(obstacle: Obstacle, link: np.ndarray, radius: float) -> Distance:
     """How far a cable of `radius` is from an obstacle whose link is at the pose `link` (7,)."""
-    frame = Rotation.from_quat(link[3:])
+    frame = Rotation.from_quat(link[3:]).as_matrix()
     offset = radius if obstacle.cable_radius_counts else 0.0
 
     def signed(points: np.ndarray) -> np.ndarray:
-        local = frame.inv().apply(np.reshape(points, (-1, 3)) - link[:3])
+        local = (np.reshape(points, (-1, 3)) - link[:3]) @ frame
         return (_signed(obstacle, local) - offset).reshape(np.shape(points)[:-1])
 
     return signed
@@ -47,7 +47,7 @@ def _signed(obstacle: Obstacle, x: np.ndarray) -> np.ndarray:
     if isinstance(shape, Plane):
         return (x - shape.point) @ shape.normal
     if isinstance(shape, Box):
-        y = np.abs(Rotation.from_quat(shape.orientation).inv().apply(x - shape.center))
+        y = np.abs((x - shape.center) @ Rotation.from_quat(shape.orientation).as_matrix())
         return _outside_or_in(y - 0.5 * shape.size)
     way = shape.end - shape.start
     size = float(np.linalg.norm(way))
