@@ -14,6 +14,9 @@ from functools import cache
 import numpy as np
 from numpy.polynomial import legendre
 
+LANES = 8
+"""Points or nodes that the kernels work out side by side: what the widest vector registers hold."""
+
 
 @dataclass(frozen=True)
 class ReferenceElement:
@@ -32,7 +35,7 @@ class ReferenceElement:
 
     @property
     def tables(self) -> tuple[np.ndarray, ...]:
-        """values, slopes, both with every column three times, points, weights: as the kernels take them."""
+        """values, slopes, both with every column three times, points, weights, `by_point`, `by_node`."""
         return (
             self.values,
             self.slopes,
@@ -40,7 +43,31 @@ class ReferenceElement:
             np.repeat(self.slopes, 3, axis=1),
             self.points,
             self.weights,
+            self.by_point,
+            self.by_node,
         )
+
+    @property
+    def by_point(self) -> np.ndarray:
+        """Values and slopes (2, blocks, p + 1, LANES) at LANES points side by side.
+
+        Lanes beyond the last point repeat it, so that they hold a frame, too.
+        """
+        count = len(self.points)
+        lane = np.minimum(np.arange(_whole(count)), count - 1).reshape(-1, LANES)
+        tables = np.stack([self.values[lane], self.slopes[lane]])
+        return np.ascontiguousarray(tables.swapaxes(2, 3))
+
+    @property
+    def by_node(self) -> np.ndarray:
+        """Values and slopes (2, g, p + 1 and zeros up to whole LANES), times the weights of the points."""
+        tables = self.weights[:, None] * np.stack([self.values, self.slopes])
+        return np.pad(tables, ((0, 0), (0, 0), (0, _whole(self.order + 1) - self.order - 1)))
+
+
+def _whole(count: int) -> int:
+    """The next multiple of LANES."""
+    return -(-count // LANES) * LANES
 
 
 def lobatto_nodes(order: int) -> np.ndarray:

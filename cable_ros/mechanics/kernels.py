@@ -15,45 +15,146 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
+from cable_ros.mechanics.elements import LANES
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
-@njit(**OPTIONS)
-def section(q, dq, K, kappa0, G, kappa, moment, t, gq, gd):
-    """Strain, moment, tangent, the density's gradient by (q, dq) at a point; returns |q|^2, -G.t, m.kappa."""
+ROWS = 13
+"""Numbers of a point in `lanes`: frame (4), slope (4) and force (3) at first, then what `sections` makes."""
+NODES = 16
+"""Most nodes of an element, in whole vectors."""
+
+
+@njit(inline="always", **OPTIONS)
+def section(q, dq, K, kappa0, G):
+    """Strain, moment, tangent, the density's gradients by q and dq at a point; |q|^2, -G.t, m.kappa."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     dw, dx, dy, dz = dq[0], dq[1], dq[2], dq[3]
     n = w * w + x * x + y * y + z * z
     i = 1.0 / n
-    kappa[0] = 2.0 * i * (w * dx - dw * x - y * dz + z * dy)
-    kappa[1] = 2.0 * i * (w * dy - dw * y - z * dx + x * dz)
-    kappa[2] = 2.0 * i * (w * dz - dw * z - x * dy + y * dx)
+    u = 2.0 * i
+    kappa = (
+        u * (w * dx - dw * x - y * dz + z * dy),
+        u * (w * dy - dw * y - z * dx + x * dz),
+        u * (w * dz - dw * z - x * dy + y * dx),
+    )
     a = K[0] * (kappa[0] - kappa0[0])
     b = K[1] * (kappa[1] - kappa0[1])
     c = K[2] * (kappa[2] - kappa0[2])
-    moment[0], moment[1], moment[2] = a, b, c
-    t[0] = 2.0 * i * (x * z + w * y)
-    t[1] = 2.0 * i * (y * z - w * x)
-    t[2] = i * (w * w - x * x - y * y + z * z)
+    t = u * (x * z + w * y), u * (y * z - w * x), i * (w * w - x * x - y * y + z * z)
     T = -(G[0] * t[0] + G[1] * t[1] + G[2] * t[2])
     mk = a * kappa[0] + b * kappa[1] + c * kappa[2]
-    # J(m) q' and J(m) q with J antisymmetric: u = q.J q'
-    u = 2.0 * i
-    gq[0] = u * (a * dx + b * dy + c * dz - mk * w)
-    gq[1] = u * (-a * dw + b * dz - c * dy - mk * x)
-    gq[2] = u * (-a * dz - b * dw + c * dx - mk * y)
-    gq[3] = u * (a * dy - b * dx - c * dw - mk * z)
-    gd[0] = -u * (a * x + b * y + c * z)
-    gd[1] = -u * (-a * w + b * z - c * y)
-    gd[2] = -u * (-a * z - b * w + c * x)
-    gd[3] = -u * (a * y - b * x - c * w)
-    # - S(G) q
-    gq[0] -= u * (G[2] * w - G[1] * x + G[0] * y + T * w)
-    gq[1] -= u * (-G[1] * w - G[2] * x + G[0] * z + T * x)
-    gq[2] -= u * (G[0] * w - G[2] * y + G[1] * z + T * y)
-    gq[3] -= u * (G[0] * x + G[1] * y + G[2] * z + T * z)
-    return n, T, mk
+    # J(m) q' and J(m) q with J antisymmetric: u = q.J q'; then - S(G) q
+    gq = (
+        u * (a * dx + b * dy + c * dz - mk * w) - u * (G[2] * w - G[1] * x + G[0] * y + T * w),
+        u * (-a * dw + b * dz - c * dy - mk * x) - u * (-G[1] * w - G[2] * x + G[0] * z + T * x),
+        u * (-a * dz - b * dw + c * dx - mk * y) - u * (G[0] * w - G[2] * y + G[1] * z + T * y),
+        u * (a * dy - b * dx - c * dw - mk * z) - u * (G[0] * x + G[1] * y + G[2] * z + T * z),
+    )
+    gd = (
+        -u * (a * x + b * y + c * z),
+        -u * (-a * w + b * z - c * y),
+        -u * (-a * z - b * w + c * x),
+        -u * (a * y - b * x - c * w),
+    )
+    return kappa, (a, b, c), t, gq, gd, n, T, mk
+
+
+@njit(**OPTIONS)
+def interpolate(q, F, f, h, s0, points, by_point, lanes):
+    """Frame, slope and force at all points, side by side: `lanes` (blocks, ROWS * LANES).
+
+    A block holds LANES points of one element, number by number.
+    """
+    blocks, order = by_point.shape[1], by_point.shape[2] - 1
+    width = by_point.shape[3]
+    for e in range(h.shape[0]):
+        first = e * order
+        ih = 1.0 / h[e]
+        for b in range(blocks):
+            v = lanes[e * blocks + b]
+            v[:] = 0.0
+            for i in range(order + 1):
+                w, x, y, z = q[first + i, 0], q[first + i, 1], q[first + i, 2], q[first + i, 3]
+                for k in range(width):
+                    n, d = by_point[0, b, i, k], ih * by_point[1, b, i, k]
+                    v[k] += n * w
+                    v[LANES + k] += n * x
+                    v[2 * LANES + k] += n * y
+                    v[3 * LANES + k] += n * z
+                    v[4 * LANES + k] += d * w
+                    v[5 * LANES + k] += d * x
+                    v[6 * LANES + k] += d * y
+                    v[7 * LANES + k] += d * z
+            for k in range(min(LANES, points.shape[0] - b * LANES)):
+                rest = 1.0 - s0[e] - h[e] * points[b * LANES + k]
+                for a in range(3):
+                    v[(8 + a) * LANES + k] = F[e, a] + rest * f[a]
+
+
+@njit(**OPTIONS)
+def sections(lanes, K, kappa0):
+    """`section` at every point of `interpolate`, side by side.
+
+    The rows receive the density's gradient by q (4) and dq (4), tangent (3), elastic energy and twist.
+    """
+    K, kappa0 = (K[0], K[1], K[2]), (kappa0[0], kappa0[1], kappa0[2])
+    for block in range(lanes.shape[0]):
+        v = lanes[block]
+        for k in range(LANES):
+            q = v[k], v[LANES + k], v[2 * LANES + k], v[3 * LANES + k]
+            dq = v[4 * LANES + k], v[5 * LANES + k], v[6 * LANES + k], v[7 * LANES + k]
+            G = v[8 * LANES + k], v[9 * LANES + k], v[10 * LANES + k]
+            kappa, m, t, gq, gd, _, _, mk = section(q, dq, K, kappa0, G)
+            v[k], v[LANES + k], v[2 * LANES + k], v[3 * LANES + k] = gq
+            v[4 * LANES + k], v[5 * LANES + k], v[6 * LANES + k], v[7 * LANES + k] = gd
+            v[8 * LANES + k], v[9 * LANES + k], v[10 * LANES + k] = t
+            v[11 * LANES + k] = 0.5 * (mk - m[0] * kappa0[0] - m[1] * kappa0[1] - m[2] * kappa0[2])
+            v[12 * LANES + k] = kappa[2]
+
+
+@njit(**OPTIONS)
+def integrate(lanes, f, h, s0, points, weights, totals):
+    """Sum over the points of `sections`: end position (3), energy and twist in `totals`."""
+    blocks = lanes.shape[0] // h.shape[0]
+    t0, t1, t2, energy, twist = 0.0, 0.0, 0.0, 0.0, 0.0
+    for e in range(h.shape[0]):
+        for k in range(points.shape[0]):
+            v = lanes[e * blocks + k // LANES, k % LANES :]
+            wh = weights[k] * h[e]
+            rest = 1.0 - s0[e] - h[e] * points[k]
+            x, y, z = wh * v[8 * LANES], wh * v[9 * LANES], wh * v[10 * LANES]
+            t0 += x
+            t1 += y
+            t2 += z
+            energy += wh * v[11 * LANES] - rest * (f[0] * x + f[1] * y + f[2] * z)
+            twist += wh * v[12 * LANES]
+    totals[0], totals[1], totals[2], totals[3], totals[4] = t0, t1, t2, energy, twist
+
+
+@njit(**OPTIONS)
+def assemble(lanes, h, by_node, acc):
+    """Add the gradient by the nodal quaternions, acc (n, 4), from those at the points of `sections`."""
+    blocks = lanes.shape[0] // h.shape[0]
+    count, width = by_node.shape[1], by_node.shape[2]
+    order = (acc.shape[0] - 1) // h.shape[0]
+    sums = np.empty(4 * NODES)
+    for e in range(h.shape[0]):
+        sums[:] = 0.0
+        for k in range(count):
+            v = lanes[e * blocks + k // LANES, k % LANES :]
+            w, x, y, z = h[e] * v[0], h[e] * v[LANES], h[e] * v[2 * LANES], h[e] * v[3 * LANES]
+            dw, dx, dy, dz = v[4 * LANES], v[5 * LANES], v[6 * LANES], v[7 * LANES]
+            for i in range(width):
+                n, d = by_node[0, k, i], by_node[1, k, i]
+                sums[i] += n * w + d * dw
+                sums[NODES + i] += n * x + d * dx
+                sums[2 * NODES + i] += n * y + d * dy
+                sums[3 * NODES + i] += n * z + d * dz
+        for i in range(order + 1):
+            for a in range(4):
+                acc[e * order + i, a] += sums[a * NODES + i]
 
 
 @njit(**OPTIONS)
@@ -123,7 +224,7 @@ def increments(q, c, out):
 
 
 @njit(**OPTIONS)
-def gradient(q, F, f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, totals):
+def gradient(q, F, f, K, kappa0, h, s0, tables, acc, g, radial, totals):
     """Gradient g (n, 3) of the Lagrangian at the nodes and, in `totals`, end position (3), energy, twist.
 
     `F` (elements, 3): the constant part of the internal force, the end force plus the point forces on later
@@ -131,36 +232,12 @@ def gradient(q, F, f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, 
     `radial` (n,) receives a quarter of the derivative along each nodal quaternion itself, the curvature of
     the unit sphere that the Hessian needs. Energy is that of the free cable: elastic minus weight.
     """
-    order = N.shape[1] - 1
-    kappa, moment, t, G = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    qs, ds, gq, gd = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    totals[:] = 0.0
-    for e in range(h.shape[0]):
-        first = e * order
-        for k in range(N.shape[0]):
-            for a in range(4):
-                qs[a] = 0.0
-                ds[a] = 0.0
-            for i in range(order + 1):
-                v = N[k, i]
-                d = dN[k, i] / h[e]
-                for a in range(4):
-                    qs[a] += v * q[first + i, a]
-                    ds[a] += d * q[first + i, a]
-            rest = 1.0 - s0[e] - h[e] * points[k]
-            for a in range(3):
-                G[a] = F[e, a] + rest * f[a]
-            section(qs, ds, K, kappa0, G, kappa, moment, t, gq, gd)
-            wh = weights[k] * h[e]
-            for a in range(3):
-                totals[a] += wh * t[a]
-                totals[3] += wh * (0.5 * moment[a] * (kappa[a] - kappa0[a]) - rest * f[a] * t[a])
-            totals[4] += wh * kappa[2]
-            for i in range(order + 1):
-                v = wh * N[k, i]
-                d = weights[k] * dN[k, i]
-                for a in range(4):
-                    acc[first + i, a] += v * gq[a] + d * gd[a]
+    points, weights, by_point, by_node = tables[4:]
+    lanes = np.empty((h.shape[0] * by_point.shape[1], ROWS * LANES))
+    interpolate(q, F, f, h, s0, points, by_point, lanes)
+    sections(lanes, K, kappa0)
+    integrate(lanes, f, h, s0, points, weights, totals)
+    assemble(lanes, h, by_node, acc)
     for i in range(q.shape[0]):
         w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
         a, b, c, d = acc[i, 0], acc[i, 1], acc[i, 2], acc[i, 3]
@@ -171,19 +248,19 @@ def gradient(q, F, f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, 
 
 
 @njit(**OPTIONS)
-def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, elastic, geometric, parts, C):
+def hessian(q, F, f, K, kappa0, h, s0, tables, radial, elastic, geometric, parts, C):
     """Hessian of the Lagrangian in lower band storage, in two parts, and the end position's derivative.
 
     `elastic` and `geometric` (3n, b + 1) hold row i, column j at [i, b + j - i], b = 3 (order + 1) - 1; the
     Hessian is their sum. `parts` (elements, 3, 3 (order + 1)) is the derivative of the way that each element
     goes, `C` (3, 3n) that of the end position, their sum. `F` and `radial` are `gradient`'s.
     """
+    N, dN, N3, dN3, points, weights = tables[:6]
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     wide = (nd + 7) // 8 * 8  # whole vectors: the inner loops run over zeros rather than remainders
     band = nd - 1
-    kappa, moment, t, G = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    qs, ds, gq, gd = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    qs, ds, G = np.empty(4), np.empty(4), np.empty(3)
     frame = np.zeros((4, wide))
     D = np.zeros((8, wide))
     Y = np.zeros((8, wide))
@@ -220,7 +297,7 @@ def hessian(q, F, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, 
             rest = 1.0 - s0[e] - h[e] * points[k]
             for a in range(3):
                 G[a] = F[e, a] + rest * f[a]
-            n, T, mk = section(qs, ds, K, kappa0, G, kappa, moment, t, gq, gd)
+            kappa, moment, t, gq, gd, n, T, mk = section(qs, ds, K, kappa0, G)
             wh = weights[k] * h[e]
             second(qs, ds, K, G, kappa, moment, gq, gd, n, T, mk, wh, k8, H)
             for c in range(3):

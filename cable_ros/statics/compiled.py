@@ -73,8 +73,7 @@ def advance(
     of nodal rotation (rad) and relative end force. Returns (code, corrections, drift, whether the factors are
     new).
     """
-    N, dN, N3, dN3, points, weights = tables
-    order = N.shape[1] - 1
+    order = tables[0].shape[1] - 1
     n = 3 * q.shape[0]
     gv = g.reshape(n)
     s = np.empty(n)
@@ -94,7 +93,7 @@ def advance(
         Fe = spread(F_new, h)
         if iteration > 0 or jumped > 0.0 or not ready:
             acc[:] = 0.0
-            gradient(q_new, Fe, f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, totals)
+            gradient(q_new, Fe, f, K, kappa0, h, s0, tables, acc, g, radial, totals)
         if iteration > 0 and size * rate <= tolerance:
             remember(q_new, F_new, there, shapes, forces, places)
             return ADVANCED, iteration if jumped > 0.0 else iteration - 1, drift + moved, fresh
@@ -105,8 +104,7 @@ def advance(
             renew = rate > 0.15
         if renew:
             hessian(
-                q_new, Fe, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial,
-                elastic, geometric, parts, C,
+                q_new, Fe, f, K, kappa0, h, s0, tables, radial, elastic, geometric, parts, C
             )  # fmt: skip
             if not factor(elastic, geometric, C, 0.0, order, A, L, pivots, Y, S):
                 return NOT_CONVEX, iteration, drift, fresh

@@ -71,12 +71,11 @@ def error(
     (rows, 3), which is now at `coarse` (elements + 1, 3). `shares` (elements,) receives each element's part
     in energy norm squared, for refinement.
     """
-    N, dN, _, _, points, weights = fine
+    N, dN, _, _, points, weights = fine[:6]
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     n = 3 * q.shape[0]
-    kappa, moment, t, G = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    qs, ds, gq, gd = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    qs, ds, G = np.empty(4), np.empty(4), np.empty(3)
     Db = np.empty((8, 3))
     frame = np.empty((4, nd))
     middle = np.empty((4, 3))
@@ -121,7 +120,7 @@ def error(
             rest = 1.0 - s0[e] - h[e] * points[k]
             for a in range(3):
                 G[a] = Fe[e, a] + rest * f[a]
-            norm, T, mk = section(qs, ds, K, kappa0, G, kappa, moment, t, gq, gd)
+            kappa, moment, t, gq, gd, norm, T, mk = section(qs, ds, K, kappa0, G)
             wh = weights[k] * h[e]
             second(qs, ds, K, G, kappa, moment, gq, gd, norm, T, mk, wh, k8, H)
             for b in range(3):

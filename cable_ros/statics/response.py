@@ -21,7 +21,6 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
     equilibrium itself and its gradient `g` (n, 3). The load `f` is fixed in the world: it turns against a
     start clamp that turns.
     """
-    N, dN, _, _, points, weights = tables
     nodes = q.shape[0]
     n = 3 * nodes
     band = elastic.shape[1] - 1
@@ -46,9 +45,7 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
             # the gradient is linear in the load: that of a cable without stiffness and end force is its
             # derivative
             pull, force = np.zeros((nodes, 4)), np.zeros((h.shape[0], 3))
-            gradient(
-                q, force, unit, nothing, nothing, h, s0, N, dN, points, weights, pull, load, radial, totals
-            )
+            gradient(q, force, unit, nothing, nothing, h, s0, tables, pull, load, radial, totals)
             right[:] = load.ravel()
         saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
         moment = end_rows(elastic, geometric, C, 3, s, dF)

@@ -113,11 +113,10 @@ class Rod:
     # Problem
 
     def _gradient(self, q: np.ndarray, F: np.ndarray) -> None:
-        N, dN, _, _, points, weights = self.tables
         self.latest = None
         self.acc[:] = 0.0
-        gradient(q, compiled.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0, N, dN, points,
-                 weights, self.acc, self.g, self.radial, self.totals)  # fmt: skip
+        gradient(q, compiled.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0,
+                 self.tables, self.acc, self.g, self.radial, self.totals)  # fmt: skip
 
     def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
         self._gradient(x, np.zeros(3))
@@ -125,7 +124,7 @@ class Rod:
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         self._gradient(x, y)
-        hessian(x, compiled.spread(y, self.h), self.f, self.K, self.natural, self.h, self.s0, *self.tables,
+        hessian(x, compiled.spread(y, self.h), self.f, self.K, self.natural, self.h, self.s0, self.tables,
                 self.radial, self.elastic, self.geometric, self.parts, self.C)  # fmt: skip
         self._normal = None
         g = self.g.ravel().copy()

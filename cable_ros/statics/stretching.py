@@ -251,7 +251,7 @@ class StretchingRod(Rod):
         self, q: np.ndarray, F: np.ndarray, f: np.ndarray, tables: tuple[np.ndarray, ...]
     ) -> tuple[np.ndarray, np.ndarray]:
         """What the stretch adds to the gradient (3n,) and to the end position (3,) under the load f."""
-        N, _, _, _, points, weights = tables
+        N, _, _, _, points, weights = tables[:6]
         acc, totals = np.zeros_like(self.acc), np.empty(4)
         stretch_gradient(
             q,

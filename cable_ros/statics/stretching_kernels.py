@@ -35,17 +35,15 @@ def stretch_linearize(
     elastic, geometric, parts, C, reach, acc, g, radial, totals, stretch, full,
 ):  # fmt: skip
     """`kernels.gradient` and, where `full`, `kernels.hessian` with the stretch."""
-    N, dN, N3, dN3, points, weights = tables
+    N, points, weights = tables[0], tables[4], tables[5]
     Fe = spread(F, h)
     acc[:] = 0.0
     stretch_gradient(q, Fe, f, compliance, h, s0, N, points, weights, acc, stretch)
-    gradient(q, Fe, f, K, kappa0, h, s0, N, dN, points, weights, acc, g, radial, totals)
+    gradient(q, Fe, f, K, kappa0, h, s0, tables, acc, g, radial, totals)
     for a in range(4):
         totals[a] += stretch[a]
     if full:
-        hessian(
-            q, Fe, f, K, kappa0, h, s0, N, dN, N3, dN3, points, weights, radial, elastic, geometric, parts, C
-        )
+        hessian(q, Fe, f, K, kappa0, h, s0, tables, radial, elastic, geometric, parts, C)
         stretch_hessian(q, Fe, f, compliance, h, s0, N, points, weights, geometric, parts, C, reach)
 
 

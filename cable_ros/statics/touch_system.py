@@ -94,7 +94,7 @@ def system(
     began to stick or to slip); where not `full`, the second says whether friction's direction is held about
     as stiffly as in the borders.
     """
-    N, dN, N3, dN3, gauss, weights = tables
+    N, gauss = tables[0], tables[4]
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     band = nd - 1
@@ -137,7 +137,7 @@ def system(
                 amiss[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / STICK
     Fe = np.empty((h.shape[0], 3))
     point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc)
-    gradient(q, Fe, f, K, kappa0, h, s0, N, dN, gauss, weights, acc, g, radial, totals)
+    gradient(q, Fe, f, K, kappa0, h, s0, tables, acc, g, radial, totals)
     if not full:
         as_stiff = True
         for i in range(count):
@@ -148,7 +148,7 @@ def system(
             if points[i, KIND] != SAMPLE and points[i, ROW] > 0.0:
                 gaps[int(points[i, ROW]) - 3] = tilts[i]
         return 3 + count, as_stiff, flips
-    hessian(q, Fe, f, K, kappa0, h, s0, N, dN, N3, dN3, gauss, weights, radial, elastic, geometric, parts, C)
+    hessian(q, Fe, f, K, kappa0, h, s0, tables, radial, elastic, geometric, parts, C)
     columns = C.shape[1]
     for a in range(3):
         for j in range(columns):

@@ -8,6 +8,7 @@ from numpy.polynomial import Polynomial
 
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.elements import (
+    LANES,
     Mesh,
     enrichment,
     lagrange,
@@ -57,9 +58,10 @@ def test_polynomials_of_the_order_are_interpolated_exactly(order: int) -> None:
     assert slopes.sum(axis=1) == pytest.approx(np.zeros(order + 1), abs=ROUNDING * 100)
 
 
-def test_tables_as_the_kernels_take_them() -> None:
-    element = reference_element(3)
-    values, slopes, three, three_slopes, points, weights = element.tables
+@pytest.mark.parametrize("order", [3, 6, 9])
+def test_tables_as_the_kernels_take_them(order: int) -> None:
+    element = reference_element(order)
+    values, slopes, three, three_slopes, points, weights, by_point, by_node = element.tables
     assert values is element.values
     assert slopes is element.slopes
     assert points is element.points
@@ -67,6 +69,14 @@ def test_tables_as_the_kernels_take_them() -> None:
     for component in range(3):
         assert np.array_equal(three[:, component::3], values)
         assert np.array_equal(three_slopes[:, component::3], slopes)
+    for k, table in enumerate((values, slopes)):
+        lanes = by_point[k].swapaxes(1, 2).reshape(-1, order + 1)
+        assert np.array_equal(lanes[:order], table)
+        assert np.array_equal(lanes[order:], np.tile(table[-1], (len(lanes) - order, 1)))
+        assert np.array_equal(by_node[k, :, : order + 1], weights[:, None] * table)
+        assert not by_node[k, :, order + 1 :].any()
+    assert by_point.shape[-1] == LANES
+    assert by_node.shape[-1] % LANES == 0
 
 
 @pytest.mark.parametrize("order", [3, 6])

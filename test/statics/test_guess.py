@@ -23,12 +23,11 @@ Z = np.array([0.0, 0.0, 1.0])
 
 def totals(q: np.ndarray, mesh: Mesh = MESH) -> np.ndarray:
     """End position (3), energy with unit stiffness, twist of frames q."""
-    values, slopes, _, _, points, weights = mesh.element.tables
     g, radial, out = np.empty((len(q), 3)), np.empty(len(q)), np.empty(5)
     force, nothing = np.zeros((len(mesh.lengths), 3)), np.zeros(3)
     gradient(
-        q, force, nothing, np.ones(3), nothing, mesh.lengths, mesh.starts, values, slopes, points, weights,
-        np.zeros_like(q), g, radial, out,
+        q, force, nothing, np.ones(3), nothing, mesh.lengths, mesh.starts, mesh.element.tables, np.zeros_like(q),
+        g, radial, out,
     )  # fmt: skip
     return out
 
