@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.mechanics.effects.contact_kernels import curve, direction, gap, position, shape
-from cable_ros.statics.touch_points import KIND, OBSTACLE, PLACE, POINT, SAMPLE, TIE
+from cable_ros.statics.touch_points import FORCE, KIND, OBSTACLE, PLACE, POINT, SAMPLE, TIE
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -138,14 +138,20 @@ def place_points(q, h, s0, N, nodes, primitives, c, obstacles, spacing, points, 
 
     Returns whether each has its boundary.
     """
+    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
     curve(q, h, N, primitives, c)
     tied = True
     for i in range(count):
         if points[i, KIND] == SAMPLE:
             continue
         if points[i, KIND] == POINT:
-            ob = obstacles[int(points[i, OBSTACLE])]
-            points[i, PLACE] = lowest(q, h, s0, nodes, c, points[i, PLACE], spacing, ob)
+            ob, s = obstacles[int(points[i, OBSTACLE])], points[i, PLACE]
+            _, _, curvature = gap_at(q, h, s0, nodes, c, s, ob, r, t, dt, n, directions, bends)
+            minimum = lowest(q, h, s0, nodes, c, s, spacing, ob)
+            # the kink that its force makes goes with the point: the shape does not show it where it went
+            if 0.25 * points[i, FORCE] * abs(minimum - s) <= curvature:
+                points[i, PLACE] = minimum
         for _ in range(2):
             if points[i, TIE] < 0.0 and not tie(points, count, i, h, s0):
                 break

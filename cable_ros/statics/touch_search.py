@@ -31,6 +31,8 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 AWAY = 1.0
 """What is nearer than so many samples' spacing is looked at closely."""
+BESIDE = 0.1
+"""A minimum this near to a contact point, in parts of the spacing, is that of a cable all but flat there."""
 LONG = 4.0
 """What is inside over so many samples is no point contact."""
 
@@ -131,8 +133,8 @@ def minimum_beside(q, h, s0, nodes, c, samples, k, phi, obstacle, down):
 def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth, give, points, count, phi):
     """Change the contacts at a solution with the last ones: let go what pulls, take in what is inside.
 
-    By more than `depth`; in a stretch and beside its ends, where only a finer mesh can tell what touches, by
-    more than `give`. Returns (changed, count).
+    By more than `depth`; in a stretch and beside its ends and points, where only a finer mesh can tell what
+    touches, by more than `give`. Returns (changed, count).
     """
     changed = False
     i = 0
@@ -166,9 +168,11 @@ def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth
                     changed = True
                 continue
             near = nearest(points, count, o, s, APART * spacing)
-            if near >= 0 and points[near, KIND] != POINT:
-                if value >= -give:
-                    continue
+            ends = near >= 0 and points[near, KIND] != POINT
+            beside = ends or (near >= 0 and abs(points[near, PLACE] - s) < BESIDE * spacing)
+            if beside and value >= -give:
+                continue
+            if ends:
                 points[near, PLACE] = s
             elif near >= 0:
                 # two minima closer than the samples can tell: the cable begins to lie on the surface

@@ -202,7 +202,7 @@ def move_ends(points, count, y, spacing):
     largest = 0.0
     ways = np.zeros(count)
     for i in range(count):
-        if points[i, KIND] < FIRST:
+        if points[i, KIND] == SAMPLE or points[i, ROW] == 0.0:
             continue
         back, forth = points[i, PLACE], 1.0 - points[i, PLACE]
         for k in range(count):
@@ -214,7 +214,7 @@ def move_ends(points, count, y, spacing):
             else:
                 forth = min(forth, d)
         way = y[int(points[i, ROW])] / max(abs(points[i, FORCE]), FAINT)
-        if points[i, FORCE] < 0.0:
+        if points[i, FORCE] < 0.0 and points[i, KIND] != POINT:
             way = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
         went, points[i, WENT] = points[i, WENT], way
         if CREEP * went * went < way * went < went * went:
