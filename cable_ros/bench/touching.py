@@ -23,6 +23,8 @@ CELL = 4e-3
 """Pressure is made of forces so near to each other, parts of the length."""
 LAYER = 0.1
 """And no farther apart than this part of the bends that a taut cable has where it is pushed."""
+BESIDE = 0.6
+"""Points of a Gauss rule side by side are nearer to each other than this part of their lengths together."""
 CLAMP = 0.015
 """What presses nearer to a clamp than this does not hold the rod there."""
 ROUNDING = 1e-6
@@ -95,7 +97,7 @@ def spread(contacts: Sequence[Contact], cell: float) -> list[tuple[float, float]
     pressing = [c for c in contacts if c.length > 0.0]
     runs: list[list[Contact]] = []
     for c in pressing:
-        known = runs and c.arc_length - runs[-1][-1].arc_length < c.length + runs[-1][-1].length
+        known = runs and c.arc_length - runs[-1][-1].arc_length < BESIDE * (c.length + runs[-1][-1].length)
         parted = known and any(runs[-1][-1].arc_length < p < c.arc_length for p in points)
         if known and not parted:
             runs[-1].append(c)
@@ -104,7 +106,10 @@ def spread(contacts: Sequence[Contact], cell: float) -> list[tuple[float, float]
     for run in runs:
         lengths = np.array([c.length for c in run])
         near = [p for p in [0.0, *points] if 0.0 <= run[0].arc_length - p < run[0].length]
-        low = max(near, default=run[0].arc_length - 0.4 * run[0].length)
+        after = [p for p in points if 0.0 <= p - run[-1].arc_length < run[-1].length]
+        # where the cable has lifted off beside one end, the pressure reaches to the other
+        alone = run[0].arc_length - 0.4 * run[0].length
+        low = max(near, default=min(after) - lengths.sum() if after else alone)
         cells = max(len(run), math.ceil(lengths.sum() / cell))
         at = low + lengths.sum() * (np.arange(cells) + 0.5) / cells
         told = np.array([c.normal_force for c in run])
