@@ -17,7 +17,7 @@ from zoo_make import ARM, led
 
 from cable_ros.bench.carriage import JOINTS, carriage_urdf
 from cable_ros.bench.cases import Case
-from cable_ros.bench.contact_fuzz import contact_case
+from cable_ros.bench.contact_fuzz import STEPS, contact_case
 from cable_ros.solve.status import Status
 
 BALL = {"name": "ball", "sphere": {"center": [0.092, 0.010, -0.095], "radius": 0.045}}
@@ -135,13 +135,20 @@ def drum() -> list[Case]:
 def by_chance() -> list[Case]:
     """Scenes that random ones have been hard among: `cable bench robustness --seed S --only contact:I`."""
     hard = (
-        ("both edges of a narrow box", 3, 19),
-        ("nearly taut over an edge and a bar", 3, 36),
-        ("an edge between two samples", 3, 124),
-        ("three edges", 3, 174),
-        ("between two small boxes", 29, 30),
+        ("both edges of a narrow box", 3, 19, STEPS),
+        ("nearly taut over an edge and a bar", 3, 36, STEPS),
+        ("an edge between two samples", 3, 124, STEPS),
+        ("three edges", 3, 174, STEPS),
+        ("between two small boxes", 29, 30, STEPS),
+        ("hardly more curved than a bar", 1, 371, 2),
+        ("pinched between two bars", 1, 768, 1),
+        ("stuck, then pulled hard", 2, 1961, STEPS),
+        ("lifted off beside the end of a stretch", 2, 929, 4),
     )
-    cases = [replace(contact_case(seed, i, 1e-4), name=name, baselines=False) for name, seed, i in hard]
+    cases = [
+        replace(contact_case(seed, i, 1e-4, poses), name=name, baselines=False)
+        for name, seed, i, poses in hard
+    ]
     lost = replace(contact_case(29, 138, 1e-4), name="a ball too large to get past", baselines=False)
     return [
         *cases,

@@ -100,7 +100,7 @@ def verify(
     claimed = (claim.points, claim.orientations, claim.start_wrench, claim.end_wrench)
     if not all(np.all(np.isfinite(a)) for a in claimed):
         return _failed(0)
-    touches = _spread(touches)
+    touches = apart(touches)
     tries = [refine(rod, *claimed, touches, iterations=iterations)]
     if any(touch.slides for touch in touches) and not tries[0].converged:
         told = [replace(touch, slides=False) for touch in touches]
@@ -115,7 +115,7 @@ ALONE = 0.03
 length, one holds."""
 
 
-def _spread(touches: Sequence[Touch]) -> list[Touch]:
+def apart(touches: Sequence[Touch]) -> list[Touch]:
     """Touches that hold the rod, at some distance from each other; those in between keep the forces told.
 
     The rod can hardly tell apart the forces of points side by side on one surface, so they cannot be found
@@ -126,8 +126,8 @@ def _spread(touches: Sequence[Touch]) -> list[Touch]:
     out: list[Touch] = []
     last: dict[object, float] = {}
     for touch in sorted(touches, key=lambda touch: touch.place):
-        apart = touch.place - last.get(touch.surface, -1.0)
-        holds = touch.holds and apart > (0.25 if touch.slides else 0.5) * ALONE
+        away = touch.place - last.get(touch.surface, -1.0)
+        holds = touch.holds and away > (0.25 if touch.slides else 0.5) * ALONE
         if holds:
             last[touch.surface] = touch.place
         near = [other for other in touches if abs(other.place - touch.place) < 0.25 * ALONE]

@@ -16,8 +16,9 @@ from zoo_make import ARM
 from cable_ros import Equilibrium, Tracker, load_scene
 from cable_ros.bench.shooting import Touch
 from cable_ros.bench.surfaces import distance, gradient
-from cable_ros.bench.touching import Surface, contact_fault, pull_fault, surfaces, touches
-from cable_ros.bench.verification import Rod, refine, verify
+from cable_ros.bench.touching import Surface, contact_fault, pull_fault, spread, surfaces, touches
+from cable_ros.bench.verification import Rod, apart, refine, verify
+from cable_ros.equilibrium import Contact
 from cable_ros.scene import Kinematics
 from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, Sphere
 
@@ -110,6 +111,48 @@ def test_a_surface_that_would_have_to_pull_is_told() -> None:
     fault = pull_fault(found, down)
     assert fault is not None
     assert "pull" in fault
+
+
+def test_only_points_on_one_surface_cannot_be_told_apart() -> None:
+    reference, points, orientations = pressed_arch()
+    rod = Rod(1.0, reference.stiffness, reference.weight, reference.start, reference.end)
+    (middle,) = plane_below(reference)
+
+    def beside(r: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        return r[2], np.array([0.0, 0.0, 1.0]), np.zeros((3, 3))
+
+    same = [middle, replace(middle, place=0.503, force=0.0)]
+    assert [touch.holds for touch in apart(same)] == [True, False]
+    two = [middle, replace(middle, place=0.503, force=1.0, surface=beside, slides=False)]
+    assert [touch.holds for touch in apart(two)] == [True, True]
+    found = refine(rod, points, orientations, reference.start_wrench, reference.end_wrench, apart(two))
+    assert found.converged
+    # the arch is plane: what keeps it there needs no force, whatever was told
+    assert found.normal_forces == pytest.approx([reference.facts["contact_force_y"], 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("missing", [None, 0, 3])
+def test_pressure_stays_between_the_ends_of_its_stretch(missing: int | None) -> None:
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    low, high, force = 0.3, 0.4, 2.0
+    samples = [
+        (low + (high - low) * 0.5 * (1.0 + x), (high - low) * 0.5 * w, force * 0.5 * w)
+        for i, (x, w) in enumerate(zip(nodes, weights, strict=True))
+        if i != missing
+    ]
+    up = np.array([0.0, 0.0, 1.0])
+    told = [
+        Contact("table", s, np.zeros(3), up, f * up, length, False)
+        for s, length, f in [(low, 0.0, 5.0), *samples, (high, 0.0, 5.0)]
+    ]
+    places, forces = np.array(spread(told, 2e-3)).T
+    assert np.all((places > low) & (places < high))
+    assert np.diff(places).max() < 2e-3 + 1e-12
+    assert forces.sum() == pytest.approx(sum(f for _, _, f in samples))
+    # the pressure is uniform where it presses, and missing beside one end or nowhere
+    covered = sum(length for _, length, _ in samples)
+    middle = high - 0.5 * covered if missing == 0 else low + 0.5 * covered
+    assert places @ forces / forces.sum() == pytest.approx(middle, abs=1e-9)
 
 
 @pytest.fixture(scope="module")
