@@ -141,7 +141,7 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
             break
         iterations += finer.iterations
         new = finer.rod.relative_error(finer.q, finer.F)
-        if new > 0.9 * estimate and new < 1e-9:
+        if new > 0.9 * estimate and new < 1e-9 and not unresolved.any():
             break  # rounding: no mesh does better
         found, estimate = finer, new
     return Found(found.rod, found.q, found.F, found.energy, found.twist, iterations), estimate
