@@ -128,10 +128,10 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
     estimate = found.rod.relative_error(found.q, found.F)
     for _ in range(8):
         unresolved = found.rod.unresolved(found.q)
-        if estimate > accept * tolerance:
-            mesh = better_mesh(found.rod, estimate, tolerance)
-        elif unresolved.any():
+        if unresolved.any() and estimate <= tolerance:
             mesh = found.rod.mesh.split(unresolved)
+        elif estimate > accept * tolerance:
+            mesh = better_mesh(found.rod, estimate, tolerance)
         else:
             break
         finer = on_mesh(found, mesh)
