@@ -25,6 +25,13 @@ from typing import Any
 import numba
 
 PACKAGE = Path(__file__).parent
+LEAF: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+"""Options of functions that make no arrays and return none, all that are called often and briefly.
+
+Numba counts references to arrays: each one that a function takes, or takes a slice of, costs atomic
+additions, altogether more than the arithmetic of a point or two. Such functions need no count: their caller's
+holds. They call their like only.
+"""
 _NO_FOLDER = (
     "compiled code cannot be kept, since neither this package's folder nor the user's cache folder can be "
     "written: every start compiles for about half a minute; set NUMBA_CACHE_DIR to a folder that can be"

@@ -83,6 +83,13 @@ class Equilibrium:
     _tangent: Callable[[], np.ndarray] | None = field(default=None, repr=False, compare=False)
     _touching: Callable[[], tuple[Contact, ...]] | None = field(default=None, repr=False, compare=False)
 
+    @classmethod
+    def of(cls, **fields: Any) -> Equilibrium:
+        """The same as the constructor in half its time, which a frozen class spends on a check a field."""
+        new = object.__new__(cls)
+        vars(new).update(fields)
+        return new
+
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
         """Where it touches obstacles, by rising arc length; read off when first asked for."""

@@ -62,7 +62,7 @@ class Follower:
         self.environment: dict[str, float] = {}
         self.choice: Choice | None = None
         self._use(properties)
-        self._polyline, self._outline = results.Polyline(), results.Polyline()
+        self._reader, self._outline = results.Reader(), results.Reader()
         self._diameter = 2.0 * cable.radius
         self.reset()
 
@@ -336,27 +336,27 @@ class Follower:
             message += self.choice.note
         unit = self._units
         self._twist = float(rod.totals[4])
-        end_wrench, start_wrench = self.wrenches(rod)
-        points, orientations = self._polyline.read(
-            rod, self._q, self._F, poses[0], unit.length, self.polyline_points
+        start = poses[0]
+        end_wrench, start_wrench, points, orientations = self._reader.read(
+            rod, self._q, self._F, start, unit, self.polyline_points
         )
         friction = None if self._obstacles is None else self._obstacles[:, 17]
-        return Equilibrium(
+        return Equilibrium.of(
             status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
             end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
             total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment,
             error_estimate=self._estimate, iterations=iterations,
             solve_time=time.perf_counter() - begin, _tangent=results.tangent(rod, self._q, self._F, unit),
-            _touching=results.touching(rod, friction, self._names, poses[0], unit),
+            _touching=results.touching(rod, friction, self._names, start, unit),
         )  # fmt: skip
 
     def _closest_approach(self, start: np.ndarray) -> float:
         """How near the cable comes to itself, m; `start` (7,): its start clamp."""
         if not self._diameter or self._rod is None:
             return np.inf
-        length = self._units.length
-        points, _ = self._outline.read(self._rod, self._q, self._F, start, length, OUTLINE)
-        return closest_approach(points, length, SPACING * self._diameter)
+        unit = self._units
+        _, _, points, _ = self._outline.read(self._rod, self._q, self._F, start, unit, OUTLINE)
+        return closest_approach(points, unit.length, SPACING * self._diameter)
 
     @property
     def rod(self) -> Rod | None:

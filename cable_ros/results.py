@@ -13,7 +13,6 @@ from cable_ros.mechanics.elements import Mesh, Sampling, integrals, sampling
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
 from cable_ros.statics.friction_kernels import FRICTIONLESS
-from cable_ros.statics.readout import polyline_anywhere
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.stretching import StretchingRod
 from cable_ros.statics.touching import TouchingRod
@@ -30,37 +29,46 @@ def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarr
     return end, start
 
 
-class Polyline:
-    """Reads points and frames of the centreline off rods; keeps the table of the last mesh."""
+class Reader:
+    """Reads wrenches, points and frames of the centreline off rods; keeps the table of the last mesh."""
 
     def __init__(self) -> None:
         self._known: tuple[Mesh, int, Sampling] | None = None
 
     def read(
-        self, rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, length: float, count: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Points (count, 3), m, and frames (count, 4), x y z w, in the world, at equal arc lengths.
+        self, rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, count: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """End and start wrench as in `wrenches`, points (count, 3), m, and frames (count, 4), x y z w.
+
+        The points are in the world, at equal arc lengths.
 
         Args:
             rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,).
             start: (7,) the start clamp in the world, m, quaternion x y z w.
-            length: of the cable, m.
+            unit: of the cable.
+            count: of points.
         """
+        end_wrench, start_wrench = np.empty(6), np.empty(6)
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
+        scale = unit.force, unit.moment, unit.length
         if isinstance(rod, TouchingRod) and rod.count:
             element = rod.mesh.element
-            polyline_anywhere(q, rod.h, rod.s0, *integrals(element.order), start, length,
-                              points, orientations)  # fmt: skip
-            return points, orientations
+            compiled.read_anywhere(
+                q, F, rod.f, rod.held(), rod.qe, rod.g, rod.h, rod.s0, integrals(element.order), start, scale,
+                end_wrench, start_wrench, points, orientations,
+            )  # fmt: skip
+            return end_wrench, start_wrench, points, orientations
         known = self._known
         if known is None or known[0] is not rod.mesh or known[1] != count:
             self._known = known = rod.mesh, count, sampling(rod.mesh, count)
         table = known[2]
-        compiled.polyline(q, rod.h, table.element, table.values, table.weights, table.quadrature,
-                          start, length, points, orientations)  # fmt: skip
+        compiled.read(
+            q, F, rod.f, rod.held(), rod.qe, rod.g, rod.h, table.element, table.values, table.weights,
+            table.quadrature, start, scale, end_wrench, start_wrench, points, orientations,
+        )  # fmt: skip
         if isinstance(rod, StretchingRod):
-            rod.stretch_points(q, F, table, start, length, points)
-        return points, orientations
+            rod.stretch_points(q, F, table, start, unit.length, points)
+        return end_wrench, start_wrench, points, orientations
 
 
 def touching(

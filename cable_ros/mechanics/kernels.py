@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.mechanics.elements import LANES
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -26,7 +26,7 @@ NODES = 16
 """Most nodes of an element, in whole vectors."""
 
 
-@njit(inline="always", **OPTIONS)
+@njit(inline="always", **LEAF)
 def section(q, dq, K, kappa0, G):
     """Strain, moment, tangent, the density's gradients by q and dq at a point; |q|^2, -G.t, m.kappa."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -61,7 +61,7 @@ def section(q, dq, K, kappa0, G):
     return kappa, (a, b, c), t, gq, gd, n, T, mk
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def interpolate(q, F, f, h, s0, points, by_point, lanes):
     """Frame, slope and force at all points, side by side: `lanes` (blocks, ROWS * LANES).
 
@@ -93,7 +93,7 @@ def interpolate(q, F, f, h, s0, points, by_point, lanes):
                     v[(8 + a) * LANES + k] = F[e, a] + rest * f[a]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def sections(lanes, K, kappa0):
     """`section` at every point of `interpolate`, side by side.
 
@@ -114,7 +114,7 @@ def sections(lanes, K, kappa0):
             v[12 * LANES + k] = kappa[2]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def integrate(lanes, f, h, s0, points, weights, totals):
     """Sum over the points of `sections`: end position (3), energy and twist in `totals`."""
     blocks = lanes.shape[0] // h.shape[0]
@@ -133,13 +133,15 @@ def integrate(lanes, f, h, s0, points, weights, totals):
     totals[0], totals[1], totals[2], totals[3], totals[4] = t0, t1, t2, energy, twist
 
 
-@njit(**OPTIONS)
-def assemble(lanes, h, by_node, acc):
-    """Add the gradient by the nodal quaternions, acc (n, 4), from those at the points of `sections`."""
+@njit(**LEAF)
+def assemble(lanes, h, by_node, sums, acc):
+    """Add the gradient by the nodal quaternions, acc (n, 4), from those at the points of `sections`.
+
+    `sums` (4 * NODES,) is scratch.
+    """
     blocks = lanes.shape[0] // h.shape[0]
     count, width = by_node.shape[1], by_node.shape[2]
     order = (acc.shape[0] - 1) // h.shape[0]
-    sums = np.empty(4 * NODES)
     for e in range(h.shape[0]):
         sums[:] = 0.0
         for k in range(count):
@@ -157,7 +159,7 @@ def assemble(lanes, h, by_node, acc):
                 acc[e * order + i, a] += sums[a * NODES + i]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def second(q, dq, K, G, kappa, moment, gq, gd, n, T, mk, weight, k8, H):
     """Second derivative of the density by (q, q'), times the weight: k8^T K k8 + H.
 
@@ -199,7 +201,7 @@ def second(q, dq, K, G, kappa, moment, gq, gd, n, T, mk, weight, k8, H):
             H[i, j] = H[j, i]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def tangent_derivative(q, t, weight, D, C, first, count):
     """Add the tangent's derivative along `count` columns of D to C (3, ...) from column `first` on.
 
@@ -214,7 +216,7 @@ def tangent_derivative(q, t, weight, D, C, first, count):
         C[2, first + j] += p0 * w - p1 * x - p2 * y + p3 * z - t[2] * pq
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def increments(q, c, out):
     """Derivative (4, 3) of the quaternion q by its rotation vector, into the columns from c on of `out`."""
     w, x, y, z = 0.5 * q[0], 0.5 * q[1], 0.5 * q[2], 0.5 * q[3]
@@ -237,7 +239,7 @@ def gradient(q, F, f, K, kappa0, h, s0, tables, acc, g, radial, totals):
     interpolate(q, F, f, h, s0, points, by_point, lanes)
     sections(lanes, K, kappa0)
     integrate(lanes, f, h, s0, points, weights, totals)
-    assemble(lanes, h, by_node, acc)
+    assemble(lanes, h, by_node, np.empty(4 * NODES), acc)
     for i in range(q.shape[0]):
         w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
         a, b, c, d = acc[i, 0], acc[i, 1], acc[i, 2], acc[i, 3]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -13,11 +13,19 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 def multiply(a, b):
     """The product a b of two quaternions (4,)."""
     c = np.empty(4)
-    c[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
-    c[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
-    c[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
-    c[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+    c[0], c[1], c[2], c[3] = product(a, b)
     return c
+
+
+@njit(**LEAF)
+def product(a, b):
+    """`multiply` of arrays or tuples, as a tuple."""
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    )
 
 
 @njit(**OPTIONS)
@@ -31,15 +39,23 @@ def conjugate(a):
 @njit(**OPTIONS)
 def rotate(q, v):
     """The vector v (3,) turned by the unit quaternion q."""
+    out = np.empty(3)
+    out[0], out[1], out[2] = turned(q, v)
+    return out
+
+
+@njit(**LEAF)
+def turned(q, v):
+    """`rotate` of arrays or tuples, as a tuple."""
     x, y, z = q[1], q[2], q[3]
     a = 2.0 * (y * v[2] - z * v[1])
     b = 2.0 * (z * v[0] - x * v[2])
     c = 2.0 * (x * v[1] - y * v[0])
-    out = np.empty(3)
-    out[0] = v[0] + q[0] * a + y * c - z * b
-    out[1] = v[1] + q[0] * b + z * a - x * c
-    out[2] = v[2] + q[0] * c + x * b - y * a
-    return out
+    return (
+        v[0] + q[0] * a + y * c - z * b,
+        v[1] + q[0] * b + z * a - x * c,
+        v[2] + q[0] * c + x * b - y * a,
+    )
 
 
 @njit(**OPTIONS)
@@ -56,7 +72,7 @@ def rotation_vector(q):
     return out
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def retract(q, psi, out):
     """out = q exp(psi / 2), normalised, row by row of q (n, 4); psi (3n,): rotations in the section frame."""
     for i in range(q.shape[0]):

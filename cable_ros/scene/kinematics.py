@@ -34,6 +34,7 @@ class Kinematics:
             np.array([np.concatenate([m.position, m.orientation]) for m in mounts]),
         )
         self._shape = (len(scene.cables), 2, 7)
+        self._clamp_poses = self._clamps.poses.reshape(self._shape)
         self._obstacles = _Frames(
             [o.link for o in scene.obstacles], np.tile(_IDENTITY, (len(scene.obstacles), 1))
         )
@@ -92,7 +93,8 @@ class Kinematics:
         Returns:
             (n_cables, 2, 7): cable, start or end, position [m] and quaternion x y z w.
         """
-        return self._update(self._clamps, q).reshape(self._shape).copy()
+        self._update(self._clamps, q)
+        return self._clamp_poses.copy()
 
     def jacobians(self, q: np.ndarray) -> np.ndarray:
         """Velocity of each clamp per joint rate.

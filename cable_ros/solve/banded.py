@@ -6,18 +6,16 @@ A = L D L^T takes pivots as they come: their signs are the inertia, which tells 
 
 from __future__ import annotations
 
-from cable_ros.compilation import njit
-
-OPTIONS = {"cache": True, "error_model": "numpy"}
+from cable_ros.compilation import LEAF, njit
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def reach(i, order, last):
     """One past the last column that row i of the upper triangle touches: the end of its node's element."""
     return min(last, 3 * order * (i // 3 // order + 1) + 3)
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def factor(A, first, last, order, U, pivots):
     """Factor rows first..last-1 of A = L D L^T; returns (negative pivots, smallest |pivot / diagonal|).
 
@@ -58,7 +56,7 @@ def factor(A, first, last, order, U, pivots):
     return negative, worst
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def solve(U, pivots, first, last, order, x):
     """Solve L D L^T x = x in place, rows first..last-1 of x (n,); node by node, as `factor`."""
     for i in range(first, last, 3):
@@ -66,21 +64,23 @@ def solve(U, pivots, first, last, order, x):
         v1 = x[i + 1] - U[i, 1] * v0
         v2 = x[i + 2] - U[i, 2] * v0 - U[i + 1, 1] * v1
         x[i + 1], x[i + 2] = v1, v2
-        for m in range(3, reach(i, order, last) - i):
-            x[i + m] -= U[i, m] * v0 + U[i + 1, m - 1] * v1 + U[i + 2, m - 2] * v2
+        y, r0, r1, r2 = x[i + 3 : reach(i, order, last)], U[i, 3:], U[i + 1, 2:], U[i + 2, 1:]
+        for k in range(y.shape[0]):
+            y[k] -= r0[k] * v0 + r1[k] * v1 + r2[k] * v2
     for i in range(first, last):
         x[i] /= pivots[i]
     for i in range(last - 3, first - 1, -3):
         v0, v1, v2 = x[i], x[i + 1], x[i + 2]
-        for m in range(3, reach(i, order, last) - i):
-            v0 -= U[i, m] * x[i + m]
-            v1 -= U[i + 1, m - 1] * x[i + m]
-            v2 -= U[i + 2, m - 2] * x[i + m]
+        y, r0, r1, r2 = x[i + 3 : reach(i, order, last)], U[i, 3:], U[i + 1, 2:], U[i + 2, 1:]
+        for k in range(0, y.shape[0], 3):
+            v0 -= r0[k] * y[k] + r0[k + 1] * y[k + 1] + r0[k + 2] * y[k + 2]
+            v1 -= r1[k] * y[k] + r1[k + 1] * y[k + 1] + r1[k + 2] * y[k + 2]
+            v2 -= r2[k] * y[k] + r2[k + 1] * y[k + 1] + r2[k + 2] * y[k + 2]
         v1 -= U[i + 1, 1] * v2
         x[i], x[i + 1], x[i + 2] = v0 - U[i, 1] * v1 - U[i, 2] * v2, v1, v2
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def multiply(A, x, y):
     """y = A x for the symmetric banded A, vectors (n,)."""
     band = A.shape[1] - 1

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.kernels import gradient, hessian
 from cable_ros.statics.estimate import error, margin, relative_error
-from cable_ros.statics.readout import polyline, wrenches
+from cable_ros.statics.readout import read, read_anywhere, wrenches
 from cable_ros.statics.saddle import (
     border_factor,
     border_step,
@@ -40,7 +40,8 @@ __all__ = [
     "largest",
     "margin",
     "negative3",
-    "polyline",
+    "read",
+    "read_anywhere",
     "relative_error",
     "saddle_step",
     "solve3",
@@ -155,7 +156,7 @@ def place(qe, re, f):
     return out
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def ahead(known, shapes, forces, places, there, q, F):
     """Extrapolate the last equilibria to the conditions `there` (10,); returns the farthest turn.
 
@@ -203,7 +204,7 @@ def ahead(known, shapes, forces, places, there, q, F):
     return 2.0 * farthest
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def onward(origin, at, there):
     """Distance from `at` to `there` (10,), negative where that leads back towards `origin`."""
     size, side = 0.0, 0.0
@@ -235,7 +236,7 @@ def spread(F, h):
     return out
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def correct(F, dF):
     """Add dF to the end force F (3,); returns its relative size, F being 1e-3 at least."""
     force, change = 1e-3, 0.0
@@ -246,7 +247,7 @@ def correct(F, dF):
     return change / force
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def largest(s):
     """Largest absolute entry of s; NaN where one is."""
     out = 0.0
@@ -256,7 +257,7 @@ def largest(s):
     return out
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def close(q, qe):
     """Put the last of q (n, 4) on the end frame qe or on its negative, whichever is nearer."""
     last = q.shape[0] - 1

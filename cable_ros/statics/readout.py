@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.contact_kernels import curve, find_element, position
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def wrenches(F, f, held, qe, g, force, moment, end_wrench, start_wrench):
     """End and start wrench (6,) in SI: what the cable exerts on the bodies, in the clamps' frames.
 
     `held` (3,): as `Rod.held`; `g` (n, 3): the gradient at the equilibrium, whose end rows are the moments of
     the clamps on the cable.
     """
-    Fb = quaternion.rotate(quaternion.conjugate(qe), F)
+    Fb = quaternion.turned((qe[0], -qe[1], -qe[2], -qe[3]), F)
     last = g.shape[0] - 1
     for a in range(3):
         end_wrench[a] = -force * Fb[a]
@@ -28,6 +28,25 @@ def wrenches(F, f, held, qe, g, force, moment, end_wrench, start_wrench):
 
 
 @njit(**OPTIONS)
+def read(
+    q, F, f, held, qe, g, h, element, values, weights, quadrature, start, scale,
+    end_wrench, start_wrench, out_r, out_q,
+):  # fmt: skip
+    """`wrenches` and `polyline`; `scale`: the cable's units of force and moment, and its length."""
+    wrenches(F, f, held, qe, g, scale[0], scale[1], end_wrench, start_wrench)
+    polyline(q, h, element, values, weights, quadrature, start, scale[2], out_r, out_q)
+
+
+@njit(**OPTIONS)
+def read_anywhere(
+    q, F, f, held, qe, g, h, s0, tables, start, scale, end_wrench, start_wrench, out_r, out_q
+):  # fmt: skip
+    """`wrenches` and `polyline_anywhere`; `tables`: its values, primitives and powers."""
+    wrenches(F, f, held, qe, g, scale[0], scale[1], end_wrench, start_wrench)
+    polyline_anywhere(q, h, s0, tables[0], tables[1], tables[2], start, scale[2], out_r, out_q)
+
+
+@njit(**LEAF)
 def turn(start, q, out):
     """Nodal quaternions q (n, 4), turned from the start clamp at `start` (7,) into the world.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.solve import banded
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -15,35 +15,103 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 NEUTRAL = 1e-6
 """Part of the elastic stiffness that is always added to the Hessian: an equilibrium that may turn freely, as
 that of a round weightless rod about the line of its clamps, then counts as stable, and can be followed."""
+SMALL = 16
+"""Up to so many rows elimination as written is quicker than calling LAPACK."""
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def solve3(S, b, x):
     """x = S^-1 b for the symmetric 3 x 3 matrix S, by elimination with the largest pivot."""
-    M = np.empty((3, 4))
-    for i in range(3):
-        for j in range(3):
+    r0 = S[0, 0], S[0, 1], S[0, 2], b[0]
+    r1 = S[1, 0], S[1, 1], S[1, 2], b[1]
+    r2 = S[2, 0], S[2, 1], S[2, 2], b[2]
+    if abs(r1[0]) > abs(r0[0]):
+        r0, r1 = r1, r0
+    if abs(r2[0]) > abs(r0[0]):
+        r0, r2 = r2, r0
+    v = r1[0] / r0[0]
+    s1 = r1[1] - v * r0[1], r1[2] - v * r0[2], r1[3] - v * r0[3]
+    v = r2[0] / r0[0]
+    s2 = r2[1] - v * r0[1], r2[2] - v * r0[2], r2[3] - v * r0[3]
+    if abs(s2[0]) > abs(s1[0]):
+        s1, s2 = s2, s1
+    v = s2[0] / s1[0]
+    x[2] = (s2[2] - v * s1[2]) / (s2[1] - v * s1[1])
+    x[1] = (s1[2] - s1[1] * x[2]) / s1[0]
+    x[0] = (r0[3] - r0[1] * x[1] - r0[2] * x[2]) / r0[0]
+
+
+@njit(**LEAF)
+def solve_small(S, b, M, x):
+    """x = S^-1 b for the first n rows and columns of S, a few, by elimination with the largest pivot.
+
+    `M` (n, n + 1) is scratch. Raises LinAlgError where S is singular. For ten rows a quarter of the time that
+    LAPACK takes.
+    """
+    n = b.shape[0]
+    for i in range(n):
+        for j in range(n):
             M[i, j] = S[i, j]
-        M[i, 3] = b[i]
-    for k in range(3):
+        M[i, n] = b[i]
+    for k in range(n):
         p = k
-        for i in range(k + 1, 3):
+        for i in range(k + 1, n):
             if abs(M[i, k]) > abs(M[p, k]):
                 p = i
-        for j in range(4):
-            M[k, j], M[p, j] = M[p, j], M[k, j]
-        for i in range(k + 1, 3):
-            v = M[i, k] / M[k, k]
-            for j in range(k, 4):
-                M[i, j] -= v * M[k, j]
-    for k in range(2, -1, -1):
-        v = M[k, 3]
-        for j in range(k + 1, 3):
+        if M[p, k] == 0.0:
+            raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
+        if p != k:
+            for j in range(k, n + 1):
+                M[k, j], M[p, j] = M[p, j], M[k, j]
+        inverse, top = 1.0 / M[k, k], M[k, k + 1 :]
+        for i in range(k + 1, n):
+            v, row = M[i, k] * inverse, M[i, k + 1 :]
+            for j in range(n - k):
+                row[j] -= v * top[j]
+    for k in range(n - 1, -1, -1):
+        v = M[k, n]
+        for j in range(k + 1, n):
             v -= M[k, j] * x[j]
         x[k] = v / M[k, k]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
+def inner(v, s):
+    """v.s at the inner nodes, of two vectors (3n,)."""
+    out = 0.0
+    for i in range(3, s.shape[0] - 3, 3):
+        out += v[i] * s[i] + v[i + 1] * s[i + 1] + v[i + 2] * s[i + 2]
+    return out
+
+
+@njit(**LEAF)
+def relax(g, order, U, pivots, s):
+    """s = -H^-1 g (3n,) at the inner nodes, 0 at the ends."""
+    n = s.shape[0]
+    for i in range(n):
+        s[i] = -g[i] if 3 <= i < n - 3 else 0.0
+    banded.solve(U, pivots, 3, n - 3, order, s)
+
+
+@njit(**LEAF)
+def missing(c, V, rows, s, b):
+    """b = -c - V s for the first rows."""
+    for a in range(rows):
+        b[a] = -c[a] - inner(V[a], s)
+
+
+@njit(**LEAF)
+def respond(Y, rows, y, s):
+    """Add Y^T y of the first rows to s (3n,) at the inner nodes."""
+    n = s.shape[0]
+    free = s[3 : n - 3]
+    for a in range(rows):
+        v, row = y[a], Y[a, 3 : n - 3]
+        for i in range(free.shape[0]):
+            free[i] += row[i] * v
+
+
+@njit(**LEAF)
 def negative3(S):
     """Number of negative eigenvalues of the symmetric 3 x 3 matrix S, from its characteristic polynomial."""
     trace = S[0, 0] + S[1, 1] + S[2, 2]
@@ -67,7 +135,7 @@ def negative3(S):
     return 3 - count
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def schur(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
     """Factor H + mu D and form S = C (H + mu D)^-1 C^T.
 
@@ -84,15 +152,12 @@ def schur(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
         banded.solve(L, pivots, 3, n - 3, order, Y[a])
     for a in range(3):
         for b in range(a + 1):
-            s = 0.0
-            for i in range(3, n - 3):
-                s += C[a, i] * Y[b, i]
-            S[a, b] = s
-            S[b, a] = s
+            S[a, b] = inner(C[a], Y[b])
+            S[b, a] = S[a, b]
     return negative, worst
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def factor(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
     """Factor the saddle system of H + mu D; whether that is positive on the end condition's tangent space.
 
@@ -103,22 +168,13 @@ def factor(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
     return worst > 1e-11 and negative3(S) == negative
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def saddle_step(g, c, C, order, L, pivots, Y, S, s, dF):
     """s (3n,), dF (3,) with H s - C^T dF = -g, C s = -c at the inner nodes; s = 0 at the ends."""
-    n = s.shape[0]
-    for i in range(n):
-        s[i] = -g[i] if 3 <= i < n - 3 else 0.0
-    banded.solve(L, pivots, 3, n - 3, order, s)
-    b = np.empty(3)
-    for a in range(3):
-        v = -c[a]
-        for i in range(3, n - 3):
-            v -= C[a, i] * s[i]
-        b[a] = v
-    solve3(S, b, dF)
-    for i in range(3, n - 3):
-        s[i] += Y[0, i] * dF[0] + Y[1, i] * dF[1] + Y[2, i] * dF[2]
+    relax(g, order, L, pivots, s)
+    missing(c, C, 3, s, dF)
+    solve3(S, dF, dF)
+    respond(Y, 3, dF, s)
 
 
 @njit(**OPTIONS)
@@ -141,11 +197,8 @@ def border_factor(elastic, geometric, mu, order, A, U, pivots, V, delta, rows, e
         banded.solve(U, pivots, 3, n - 3, order, Y[a])
     for a in range(rows):
         for b in range(a + 1):
-            s = 0.0
-            for i in range(3, n - 3):
-                s += V[a, i] * Y[b, i]
-            S[a, b] = s
-            S[b, a] = s
+            S[a, b] = inner(V[a], Y[b])
+            S[b, a] = S[a, b]
         S[a, a] += delta[a]
         if a >= equalities and delta[a] >= 0.0:
             expected += 1
@@ -159,26 +212,19 @@ def border_factor(elastic, geometric, mu, order, A, U, pivots, V, delta, rows, e
 @njit(**OPTIONS)
 def border_step(g, c, V, rows, order, U, pivots, Y, S, s, y):
     """s (3n,), y (rows,) with H s - V^T y = -g, V s + delta y = -c; s = 0 at the ends."""
-    n = s.shape[0]
-    for i in range(n):
-        s[i] = -g[i] if 3 <= i < n - 3 else 0.0
-    banded.solve(U, pivots, 3, n - 3, order, s)
     b = np.empty(rows)
-    for a in range(rows):
-        v = -c[a]
-        for i in range(3, n - 3):
-            v -= V[a, i] * s[i]
-        b[a] = v
+    relax(g, order, U, pivots, s)
+    missing(c, V, rows, s, b)
     if rows == 3:
         solve3(S, b, y)
+    elif rows <= SMALL:
+        solve_small(S, b, np.empty((rows, rows + 1)), y)
     else:
         y[:rows] = np.linalg.solve(S[:rows, :rows], b)
-    for a in range(rows):
-        for i in range(3, n - 3):
-            s[i] += Y[a, i] * y[a]
+    respond(Y, rows, y, s)
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def end_coupling(elastic, geometric, V, rows, theta, g, c):
     """Add to g (3n,) and c (rows,) what turning the end section by theta (3,) does to them."""
     n, band = elastic.shape[0], elastic.shape[1] - 1

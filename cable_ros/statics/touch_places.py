@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.mechanics.effects.contact_kernels import curve, direction, gap, position, shape
 from cable_ros.statics.touch_points import FORCE, KIND, OBSTACLE, PLACE, POINT, SAMPLE, TIE
 
@@ -20,7 +20,7 @@ SHORTEST = 1e-3
 """And no nearer than this to one that another contact point has; parts of the length."""
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def gap_at(q, h, s0, nodes, c, s, obstacle, r, t, dt, n, directions, bends):
     """Gap at arc length s, its first and second derivative by s."""
     position(c, h, s0, s, r)
@@ -57,7 +57,7 @@ def lowest(q, h, s0, nodes, c, s, reach, obstacle):
     return s
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def room(points, count, boundary, h, s0):
     """How near a boundary may come to the one before it and to the one after it."""
     narrow = NARROWEST * (h[boundary - 1] + h[boundary])

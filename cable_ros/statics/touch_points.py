@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -47,7 +47,7 @@ def held(points, normals, count):
     return out
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def add(points, count, o, s, kind):
     """One more contact point, unless there is no space; returns the count."""
     if count < points.shape[0]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.mechanics.effects.contact_kernels import curve, find_element, gap, position
 from cable_ros.statics.touch_places import gap_at, lowest
 from cable_ros.statics.touch_points import (
@@ -106,19 +106,26 @@ def flatten(q, h, s0, nodes, c, spacing, obstacles, depth, points, count):
     return changed, count
 
 
-@njit(**OPTIONS)
-def minimum_beside(q, h, s0, nodes, c, samples, k, phi, obstacle, down):
-    """Arc length of a minimum of the gap that is nearer to sample k than to others; -1: none, or far off.
+@njit(**LEAF)
+def far(samples, k, phi):
+    """Whether nothing nearer to sample k than to others can touch: the curve has unit speed."""
+    before = samples[k] - samples[k - 1]
+    after = samples[k + 1] - samples[k]
+    return phi[k] > max(
+        before if k == 1 else 0.5 * before, after if k == samples.shape[0] - 2 else 0.5 * after
+    )
 
-    Two edges side by side have a minimum each, which the gaps phi (samples,) may not show: its slopes do.
+
+@njit(**OPTIONS)
+def minimum_beside(q, h, s0, nodes, c, samples, k, obstacle, down):
+    """Arc length of a minimum of the gap that is nearer to sample k than to others; -1: none.
+
+    Two edges side by side have a minimum each, which the gaps at the samples may not show: its slopes do.
     `down`: the slope half way to the sample before, if it is known, else nan; returned, too, is that half way
-    to the next.
+    to the next. Only for a sample that is not `far`.
     """
     low = 0.5 * (samples[k - 1] + samples[k]) if k > 1 else samples[0]
     high = 0.5 * (samples[k] + samples[k + 1]) if k < samples.shape[0] - 2 else samples[k + 1]
-    # the curve has unit speed
-    if phi[k] > max(samples[k] - low, high - samples[k]):
-        return -1.0, np.nan
     r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
     if np.isnan(down):
@@ -154,7 +161,10 @@ def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth
     for o in range(obstacles.shape[0]):
         slope = np.nan
         for k in range(1, m - 1):
-            s, slope = minimum_beside(q, h, s0, nodes, c, samples, k, phi[o], obstacles[o], slope)
+            if far(samples, k, phi[o]):
+                slope = np.nan
+                continue
+            s, slope = minimum_beside(q, h, s0, nodes, c, samples, k, obstacles[o], slope)
             if s < 0.0:
                 continue
             value, _, _ = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
@@ -257,7 +267,10 @@ def dips(q, h, s0, nodes, c, samples, obstacles, phi, depth):
     for o in range(obstacles.shape[0]):
         slope = np.nan
         for k in range(1, samples.shape[0] - 1):
-            s, slope = minimum_beside(q, h, s0, nodes, c, samples, k, phi[o], obstacles[o], slope)
+            if far(samples, k, phi[o]):
+                slope = np.nan
+                continue
+            s, slope = minimum_beside(q, h, s0, nodes, c, samples, k, obstacles[o], slope)
             if s >= 0.0:
                 value, _, _ = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
                 if value < -depth:

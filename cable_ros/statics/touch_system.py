@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.mechanics.effects.contact_kernels import across, find_element, position, pull, shape, tangent
 from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_derivative
 from cable_ros.statics.friction_kernels import FRICTIONLESS, STICK, carry, rub
@@ -65,7 +65,7 @@ def point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, 
                     acc[e * order + j, a] += N[k, j] * gT[a]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def part(primitives, k, x):
     """Weight of the tangent at Gauss point k in the way from the element's start to the place x."""
     v = 0.0
@@ -262,7 +262,7 @@ def system(
     return rows, same, flips
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def grip(points, i, amiss, lines, gaps):
     """What is amiss (count, 3) with the springs of point i, if it sticks, along the two that hold it."""
     b = int(points[i, GRIP])
@@ -271,14 +271,14 @@ def grip(points, i, amiss, lines, gaps):
             gaps[k - 3] = amiss[i, 0] * lines[k, 0] + amiss[i, 1] * lines[k, 1] + amiss[i, 2] * lines[k, 2]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def row(V, at, v, way):
     """V[at] = v (3,) times way (3, 3n)."""
     for j in range(way.shape[1]):
         V[at, j] = v[0] * way[0, j] + v[1] * way[1, j] + v[2] * way[2, j]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def at_place(q, first, order, N, frame, qs, D):
     """Interpolated quaternion qs (4,) and its derivative D (4, 3 (order + 1)) with the shape functions N."""
     for a in range(4):
@@ -289,7 +289,7 @@ def at_place(q, first, order, N, frame, qs, D):
                 D[a, m] = N[j] * frame[a, m]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def nodal(q, acc, out):
     """The pull acc (n, 4) at the nodal quaternions as moments out (3n,)."""
     for i in range(q.shape[0]):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.mechanics import quaternion
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -19,18 +20,17 @@ class Units:
     length: float
     stiffness: float
 
-    @property
+    @cached_property
     def force(self) -> float:
         """EI / L^2, N."""
         return self.stiffness / self.length**2
 
-    @property
+    @cached_property
     def moment(self) -> float:
         """EI / L, N m; also the unit of energy."""
         return self.stiffness / self.length
 
 
-@njit(**OPTIONS)
 def relative(
     poses: np.ndarray, previous: np.ndarray, weight: np.ndarray, length: float, force: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -39,21 +39,23 @@ def relative(
     `weight` (3,): load per length in the world, N/m; `previous` (4,): the end frame before, whose sign is
     followed. Returns the end frame (4,) scalar first, end position (3,) and load (3,).
     """
-    a, b, way = np.empty(4), np.empty(4), np.empty(3)
-    for i in range(4):
-        a[(i + 1) % 4], b[(i + 1) % 4] = poses[0, 3 + i], poses[1, 3 + i]
-    for i in range(3):
-        way[i] = (poses[1, i] - poses[0, i]) / length
-    inverse = quaternion.conjugate(a)
-    qe = quaternion.multiply(inverse, b)
-    if qe[0] * previous[0] + qe[1] * previous[1] + qe[2] * previous[2] + qe[3] * previous[3] < 0.0:
-        for i in range(4):
-            qe[i] = -qe[i]
-    re = quaternion.rotate(inverse, way)
-    f = quaternion.rotate(inverse, weight)
-    for i in range(3):
-        f[i] *= length / force
+    qe, re, f = np.empty(4), np.empty(3), np.empty(3)
+    _relative(poses, previous, weight, length, force, qe, re, f)
     return qe, re, f
+
+
+@njit(**LEAF)
+def _relative(poses, previous, weight, length, force, qe, re, f):  # type: ignore[no-untyped-def]
+    """`relative` with space for what it returns: compiled code makes arrays more slowly than Python."""
+    start, end = poses[0], poses[1]
+    inverse = start[6], -start[3], -start[4], -start[5]
+    w, x, y, z = quaternion.product(inverse, (end[6], end[3], end[4], end[5]))
+    same = w * previous[0] + x * previous[1] + y * previous[2] + z * previous[3] >= 0.0
+    qe[0], qe[1], qe[2], qe[3] = (w, x, y, z) if same else (-w, -x, -y, -z)
+    way = (end[0] - start[0]) / length, (end[1] - start[1]) / length, (end[2] - start[2]) / length
+    re[0], re[1], re[2] = quaternion.turned(inverse, way)
+    load = weight[0] * length / force, weight[1] * length / force, weight[2] * length / force
+    f[0], f[1], f[2] = quaternion.turned(inverse, load)
 
 
 @njit(**OPTIONS)

@@ -26,8 +26,8 @@ def totals(q: np.ndarray, mesh: Mesh = MESH) -> np.ndarray:
     g, radial, out = np.empty((len(q), 3)), np.empty(len(q)), np.empty(5)
     force, nothing = np.zeros((len(mesh.lengths), 3)), np.zeros(3)
     gradient(
-        q, force, nothing, np.ones(3), nothing, mesh.lengths, mesh.starts, mesh.element.tables, np.zeros_like(q),
-        g, radial, out,
+        q, force, nothing, np.ones(3), nothing, mesh.lengths, mesh.starts, mesh.element.tables,
+        np.zeros_like(q), g, radial, out,
     )  # fmt: skip
     return out
 

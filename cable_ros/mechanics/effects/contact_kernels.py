@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
-
-OPTIONS = {"cache": True, "error_model": "numpy"}
+from cable_ros.compilation import LEAF, njit
 
 SPHERE, PLANE, CAPSULE, CYLINDER, BOX = 0.0, 1.0, 2.0, 3.0, 4.0
 WIDTH = 18
@@ -17,7 +15,7 @@ below z = 0 (plane). The offset is the cable's radius where it counts.
 """
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def gap(obstacle, r, n, directions, bends):
     """Distance from r (3,) to the obstacle's surface, less the offset; negative inside.
 
@@ -25,11 +23,16 @@ def gap(obstacle, r, n, directions, bends):
     `directions` (2, 3) unit vectors across n.
     """
     kind = obstacle[0]
-    scratch = np.zeros((4, 3))  # one allocation for all
-    y, m, d = scratch[0], scratch[1], scratch[2:]
-    for i in range(3):
-        for j in range(3):
-            y[i] += obstacle[4 + 3 * j + i] * (r[j] - obstacle[1 + j])
+    # in the obstacle's own axes at first, turned in the end
+    m, d = n, directions
+    m[:] = 0.0
+    d[:] = 0.0
+    v0, v1, v2 = r[0] - obstacle[1], r[1] - obstacle[2], r[2] - obstacle[3]
+    y = (
+        obstacle[4] * v0 + obstacle[7] * v1 + obstacle[10] * v2,
+        obstacle[5] * v0 + obstacle[8] * v1 + obstacle[11] * v2,
+        obstacle[6] * v0 + obstacle[9] * v1 + obstacle[12] * v2,
+    )
     a, b = obstacle[13], obstacle[14]
     bends[0] = 0.0
     bends[1] = 0.0
@@ -38,14 +41,15 @@ def gap(obstacle, r, n, directions, bends):
         m[2] = 1.0
         distance = y[2]
     elif kind == SPHERE or (kind == CAPSULE and abs(y[2]) > b):
+        z = y[2]
         if kind == CAPSULE:
-            y[2] -= b if y[2] > 0.0 else -b
-        size = np.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+            z -= b if z > 0.0 else -b
+        size = np.sqrt(y[0] * y[0] + y[1] * y[1] + z * z)
         distance = size - a
         if size < 1e-12:
             m[2], size = 1.0, 1e-12
         else:
-            m[0], m[1], m[2] = y[0] / size, y[1] / size, y[2] / size
+            m[0], m[1], m[2] = y[0] / size, y[1] / size, z / size
         across(m, d)
         bends[0], bends[1] = 1.0 / size, 1.0 / size
     elif kind in (CAPSULE, CYLINDER):
@@ -100,19 +104,14 @@ def gap(obstacle, r, n, directions, bends):
                 i, j = (axis + 1) % 3, (axis + 2) % 3
                 d[0, i], d[0, j] = -m[j], m[i]
                 bends[0] = 1.0 / distance
-    for i in range(3):
-        n[i] = 0.0
-        directions[0, i] = 0.0
-        directions[1, i] = 0.0
-        for j in range(3):
-            R = obstacle[4 + 3 * i + j]
-            n[i] += R * m[j]
-            directions[0, i] += R * d[0, j]
-            directions[1, i] += R * d[1, j]
+    for v in (n, directions[0], directions[1]):
+        m0, m1, m2 = v[0], v[1], v[2]
+        for i in range(3):
+            v[i] = obstacle[4 + 3 * i] * m0 + obstacle[5 + 3 * i] * m1 + obstacle[6 + 3 * i] * m2
     return distance - obstacle[16]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def across(n, directions):
     """Two unit vectors (2, 3) across the unit vector n, continuous but at n = -z (Duff et al. 2017)."""
     sign = 1.0 if n[2] >= 0.0 else -1.0
@@ -123,33 +122,39 @@ def across(n, directions):
     directions[1, 0], directions[1, 1], directions[1, 2] = b, sign + n[1] * n[1] * a, -n[1]
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def shape(nodes, x, N, dN):
     """Values and slopes (order + 1,) of the Lagrange polynomials through `nodes` at x."""
-    count = nodes.shape[0]
-    for i in range(count):
-        v, d, size = 1.0, 0.0, 1.0
-        for k in range(count):
-            if k != i:
-                d = d * (x - nodes[k]) + v
-                v *= x - nodes[k]
-                size *= nodes[i] - nodes[k]
-        N[i] = v / size
-        dN[i] = d / size
+    for i in range(nodes.shape[0]):
+        N[i], dN[i] = lagrange(nodes, i, x)
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
+def lagrange(nodes, i, x):
+    """Value and slope at x of the Lagrange polynomial that is 1 at node i."""
+    v, d, size = 1.0, 0.0, 1.0
+    for k in range(nodes.shape[0]):
+        if k != i:
+            d = d * (x - nodes[k]) + v
+            v *= x - nodes[k]
+            size *= nodes[i] - nodes[k]
+    size = 1.0 / size
+    return size * v, size * d
+
+
+@njit(**LEAF)
 def tangent(q, t):
     """Tangent t (3,) of the frame q (4,) of any length; returns its squared length."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     n = w * w + x * x + y * y + z * z
-    t[0] = 2.0 * (x * z + w * y) / n
-    t[1] = 2.0 * (y * z - w * x) / n
-    t[2] = (w * w - x * x - y * y + z * z) / n
+    i = 1.0 / n
+    t[0] = 2.0 * i * (x * z + w * y)
+    t[1] = 2.0 * i * (y * z - w * x)
+    t[2] = i * (w * w - x * x - y * y + z * z)
     return n
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def curve(q, h, N, primitives, c):
     """Coefficients c (elements, p + 1, 3) of the centreline: sum_k c[e, k] x^k at the place x of element e.
 
@@ -159,22 +164,25 @@ def curve(q, h, N, primitives, c):
     """
     count = N.shape[0]
     order = N.shape[1] - 1
-    qs, t = np.empty(4), np.empty(3)
     c[0, 0, 0], c[0, 0, 1], c[0, 0, 2] = 0.0, 0.0, 0.0
     for e in range(h.shape[0]):
         for k in range(count):
             for a in range(3):
                 c[e, k + 1, a] = 0.0
         for k in range(count):
-            for a in range(4):
-                qs[a] = 0.0
-                for i in range(order + 1):
-                    qs[a] += N[k, i] * q[e * order + i, a]
-            tangent(qs, t)
+            w, x, y, z = 0.0, 0.0, 0.0, 0.0
+            for i in range(order + 1):
+                w += N[k, i] * q[e * order + i, 0]
+                x += N[k, i] * q[e * order + i, 1]
+                y += N[k, i] * q[e * order + i, 2]
+                z += N[k, i] * q[e * order + i, 3]
+            u = h[e] / (w * w + x * x + y * y + z * z)
+            t0, t1 = 2.0 * u * (x * z + w * y), 2.0 * u * (y * z - w * x)
+            t2 = u * (w * w - x * x - y * y + z * z)
             for m in range(count):
-                v = h[e] * primitives[m, k]
-                for a in range(3):
-                    c[e, m + 1, a] += v * t[a]
+                c[e, m + 1, 0] += primitives[m, k] * t0
+                c[e, m + 1, 1] += primitives[m, k] * t1
+                c[e, m + 1, 2] += primitives[m, k] * t2
         if e + 1 < h.shape[0]:
             for a in range(3):
                 v = 0.0
@@ -183,7 +191,7 @@ def curve(q, h, N, primitives, c):
                 c[e + 1, 0, a] = v
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def find_element(s, s0, h):
     """Element of the arc length s and the place in it, 0 to 1."""
     e = 0
@@ -193,7 +201,7 @@ def find_element(s, s0, h):
     return e, min(max(x, 0.0), 1.0)
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def position(c, h, s0, s, r):
     """Position r (3,) at arc length s on the curve with the coefficients c."""
     e, x = find_element(s, s0, h)
@@ -205,35 +213,37 @@ def position(c, h, s0, s, r):
         r[a] = v
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def direction(q, h, s0, nodes, s, t, dt):
     """Tangent t (3,) and its derivative dt (3,) at arc length s."""
     e, x = find_element(s, s0, h)
-    order = nodes.shape[0] - 1
-    N, dN = np.empty(order + 1), np.empty(order + 1)
-    qs, ds = np.empty(4), np.empty(4)
-    shape(nodes, x, N, dN)
-    for a in range(4):
-        qs[a] = 0.0
-        ds[a] = 0.0
-        for i in range(order + 1):
-            qs[a] += N[i] * q[e * order + i, a]
-            ds[a] += dN[i] / h[e] * q[e * order + i, a]
-    n = tangent(qs, t)
-    w, x1, y, z = qs[0], qs[1], qs[2], qs[3]
-    p = w * ds[0] + x1 * ds[1] + y * ds[2] + z * ds[3]
-    dt[0] = 2.0 / n * (y * ds[0] + z * ds[1] + w * ds[2] + x1 * ds[3] - t[0] * p)
-    dt[1] = 2.0 / n * (-x1 * ds[0] - w * ds[1] + z * ds[2] + y * ds[3] - t[1] * p)
-    dt[2] = 2.0 / n * (w * ds[0] - x1 * ds[1] - y * ds[2] + z * ds[3] - t[2] * p)
+    first = e * (nodes.shape[0] - 1)
+    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    da, db, dc, dd = 0.0, 0.0, 0.0, 0.0
+    for i in range(nodes.shape[0]):
+        v, slope = lagrange(nodes, i, x)
+        a += v * q[first + i, 0]
+        b += v * q[first + i, 1]
+        c += v * q[first + i, 2]
+        d += v * q[first + i, 3]
+        da += slope * q[first + i, 0]
+        db += slope * q[first + i, 1]
+        dc += slope * q[first + i, 2]
+        dd += slope * q[first + i, 3]
+    u = 2.0 / tangent((a, b, c, d), t)
+    p = a * da + b * db + c * dc + d * dd
+    u /= h[e]
+    dt[0] = u * (c * da + d * db + a * dc + b * dd - t[0] * p)
+    dt[1] = u * (-b * da - a * db + d * dc + c * dd - t[1] * p)
+    dt[2] = u * (a * da - b * db - c * dc + d * dd - t[2] * p)
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def pull(qs, P, weight, gT, H):
     """Gradient (4,) and Hessian (4, 4) by q of - weight P.t(q)."""
     w, x, y, z = qs[0], qs[1], qs[2], qs[3]
-    t = np.empty(3)
-    n = tangent(qs, t)
-    T = -(P[0] * t[0] + P[1] * t[1] + P[2] * t[2])
+    n = tangent(qs, gT)
+    T = -(P[0] * gT[0] + P[1] * gT[1] + P[2] * gT[2])
     u = 2.0 * weight / n
     gT[0] = -u * (P[2] * w - P[1] * x + P[0] * y + T * w)
     gT[1] = -u * (-P[1] * w - P[2] * x + P[0] * z + T * x)
