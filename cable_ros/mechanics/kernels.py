@@ -63,7 +63,7 @@ def section(q, dq, K, kappa0, G):
 
 @njit(**LEAF)
 def interpolate(q, F, f, h, s0, points, by_point, lanes):
-    """Frame, slope and force at all points, side by side: `lanes` (blocks, ROWS * LANES).
+    """Frame, slope and force at all points, side by side: `lanes` (blocks + 1, ROWS * LANES).
 
     A block holds LANES points of one element, number by number.
     """
@@ -95,12 +95,12 @@ def interpolate(q, F, f, h, s0, points, by_point, lanes):
 
 @njit(**LEAF)
 def sections(lanes, K, kappa0):
-    """`section` at every point of `interpolate`, side by side.
+    """`section` at every point of `interpolate`, side by side; the last block is not one of them.
 
     The rows receive the density's gradient by q (4) and dq (4), tangent (3), elastic energy and twist.
     """
     K, kappa0 = (K[0], K[1], K[2]), (kappa0[0], kappa0[1], kappa0[2])
-    for block in range(lanes.shape[0]):
+    for block in range(lanes.shape[0] - 1):
         v = lanes[block]
         for k in range(LANES):
             q = v[k], v[LANES + k], v[2 * LANES + k], v[3 * LANES + k]
@@ -134,16 +134,14 @@ def integrate(lanes, f, h, s0, points, weights, totals):
 
 
 @njit(**LEAF)
-def assemble(lanes, h, by_node, sums, acc):
-    """Add the gradient by the nodal quaternions, acc (n, 4), from those at the points of `sections`.
-
-    `sums` (4 * NODES,) is scratch.
-    """
+def assemble(lanes, h, by_node, acc):
+    """Add the gradient by the nodal quaternions, acc (n, 4), from those at the points of `sections`."""
     blocks = lanes.shape[0] // h.shape[0]
+    sums = lanes[lanes.shape[0] - 1]
     count, width = by_node.shape[1], by_node.shape[2]
     order = (acc.shape[0] - 1) // h.shape[0]
     for e in range(h.shape[0]):
-        sums[:] = 0.0
+        sums[: 4 * NODES] = 0.0
         for k in range(count):
             v = lanes[e * blocks + k // LANES, k % LANES :]
             w, x, y, z = h[e] * v[0], h[e] * v[LANES], h[e] * v[2 * LANES], h[e] * v[3 * LANES]
@@ -226,7 +224,13 @@ def increments(q, c, out):
 
 
 @njit(**OPTIONS)
-def gradient(q, F, f, K, kappa0, h, s0, tables, acc, g, radial, totals):
+def workspace(h, tables):
+    """The `lanes` that `gradient` works in: a block for every LANES points of an element, and one more."""
+    return np.empty((h.shape[0] * tables[6].shape[1] + 1, ROWS * LANES))
+
+
+@njit(**LEAF)
+def gradient(q, F, f, K, kappa0, h, s0, tables, lanes, acc, g, radial, totals):
     """Gradient g (n, 3) of the Lagrangian at the nodes and, in `totals`, end position (3), energy, twist.
 
     `F` (elements, 3): the constant part of the internal force, the end force plus the point forces on later
@@ -235,11 +239,10 @@ def gradient(q, F, f, K, kappa0, h, s0, tables, acc, g, radial, totals):
     the unit sphere that the Hessian needs. Energy is that of the free cable: elastic minus weight.
     """
     points, weights, by_point, by_node = tables[4:]
-    lanes = np.empty((h.shape[0] * by_point.shape[1], ROWS * LANES))
     interpolate(q, F, f, h, s0, points, by_point, lanes)
     sections(lanes, K, kappa0)
     integrate(lanes, f, h, s0, points, weights, totals)
-    assemble(lanes, h, by_node, np.empty(4 * NODES), acc)
+    assemble(lanes, h, by_node, acc)
     for i in range(q.shape[0]):
         w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
         a, b, c, d = acc[i, 0], acc[i, 1], acc[i, 2], acc[i, 3]

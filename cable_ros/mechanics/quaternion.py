@@ -61,15 +61,21 @@ def turned(q, v):
 @njit(**OPTIONS)
 def rotation_vector(q):
     """The rotation vector (3,) of q, of length at most pi."""
+    out = np.empty(3)
+    out[0], out[1], out[2] = turn(q)
+    return out
+
+
+@njit(**LEAF)
+def turn(q):
+    """`rotation_vector` of an array or tuple, as a tuple."""
     s = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     scale = 2.0
     if s > 1e-12:
         scale = 2.0 * np.arctan2(s, abs(q[0])) / s
     if q[0] < 0.0:
         scale = -scale
-    out = np.empty(3)
-    out[0], out[1], out[2] = scale * q[1], scale * q[2], scale * q[3]
-    return out
+    return scale * q[1], scale * q[2], scale * q[3]
 
 
 @njit(**LEAF)

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_ros.compilation import LEAF, njit
 from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.kernels import gradient, hessian
+from cable_ros.mechanics.kernels import gradient, hessian, workspace
 from cable_ros.statics.estimate import error, margin, relative_error
 from cable_ros.statics.readout import read, read_anywhere, wrenches
 from cable_ros.statics.saddle import (
@@ -77,12 +77,10 @@ def advance(
     order = tables[0].shape[1] - 1
     n = 3 * q.shape[0]
     gv = g.reshape(n)
-    s = np.empty(n)
-    dF = np.empty(3)
-    c = np.empty(3)
-    last = q.shape[0] - 1
+    s, dF, c, theta, Fe = np.empty(n), np.empty(3), np.empty(3), np.empty(3), np.empty((h.shape[0], 3))
+    lanes = workspace(h, tables)
     there = place(qe, re, f)
-    ready = known > 0 and (there[7:] == places[0, 7:]).all()
+    ready = known > 0 and same(f, places[0, 7:])
     jumped = ahead(known, shapes, forces, places, there, q_new, F_new) if known > 1 else 0.0
     if jumped == 0.0:
         q_new[:] = q
@@ -91,10 +89,10 @@ def advance(
     fresh = False
     iteration = 0
     while iteration <= 12:
-        Fe = spread(F_new, h)
+        spread_into(F_new, Fe)
         if iteration > 0 or jumped > 0.0 or not ready:
             acc[:] = 0.0
-            gradient(q_new, Fe, f, K, kappa0, h, s0, tables, acc, g, radial, totals)
+            gradient(q_new, Fe, f, K, kappa0, h, s0, tables, lanes, acc, g, radial, totals)
         if iteration > 0 and size * rate <= tolerance:
             remember(q_new, F_new, there, shapes, forces, places)
             return ADVANCED, iteration if jumped > 0.0 else iteration - 1, drift + moved, fresh
@@ -113,7 +111,7 @@ def advance(
         for a in range(3):
             c[a] = totals[a] - re[a]
         if iteration == 0:
-            theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q_new[last]), qe))
+            end_turn(q_new, qe, theta)
             end_coupling(elastic, geometric, C, 3, theta, gv, c)
         saddle_step(gv, c, C, order, L, pivots, Y, S, s, dF)
         if iteration == 0:
@@ -227,13 +225,36 @@ def remember(q, F, there, shapes, forces, places):
     places[0] = there
 
 
+@njit(**LEAF)
+def same(a, b):
+    """Whether two vectors of one length are equal."""
+    equal = True
+    for i in range(a.shape[0]):
+        equal = equal and a[i] == b[i]
+    return equal
+
+
+@njit(**LEAF)
+def end_turn(q, qe, theta):
+    """The rotation vector theta (3,) of the end frame qe as seen from the last of q (n, 4)."""
+    last = q[q.shape[0] - 1]
+    inverse = last[0], -last[1], -last[2], -last[3]
+    theta[0], theta[1], theta[2] = quaternion.turn(quaternion.product(inverse, (qe[0], qe[1], qe[2], qe[3])))
+
+
 @njit(**OPTIONS)
 def spread(F, h):
     """The same force F (3,) for every element: (elements, 3)."""
     out = np.empty((h.shape[0], 3))
-    for e in range(h.shape[0]):
-        out[e, 0], out[e, 1], out[e, 2] = F[0], F[1], F[2]
+    spread_into(F, out)
     return out
+
+
+@njit(**LEAF)
+def spread_into(F, out):
+    """`spread` without a new array."""
+    for e in range(out.shape[0]):
+        out[e, 0], out[e, 1], out[e, 2] = F[0], F[1], F[2]
 
 
 @njit(**LEAF)

@@ -6,7 +6,7 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.kernels import gradient
+from cable_ros.mechanics.kernels import gradient, workspace
 from cable_ros.statics.compiled import border_step, end_coupling, end_rows, saddle_step
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -29,7 +29,7 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
     right, s = np.empty(n), np.empty(n)
     c, dF, theta, unit = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     load, radial, totals = np.empty((nodes, 3)), np.empty(nodes), np.empty(5)
-    nothing = np.zeros(3)
+    nothing, lanes = np.zeros(3), workspace(h, tables)
     back = quaternion.conjugate(qe)
     Fb = quaternion.rotate(back, F)
     M = g[nodes - 1]
@@ -45,7 +45,7 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
             # the gradient is linear in the load: that of a cable without stiffness and end force is its
             # derivative
             pull, force = np.zeros((nodes, 4)), np.zeros((h.shape[0], 3))
-            gradient(q, force, unit, nothing, nothing, h, s0, tables, pull, load, radial, totals)
+            gradient(q, force, unit, nothing, nothing, h, s0, tables, lanes, pull, load, radial, totals)
             right[:] = load.ravel()
         saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
         moment = end_rows(elastic, geometric, C, 3, s, dF)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.elements import Mesh, enrichment
-from cable_ros.mechanics.kernels import gradient, hessian
+from cable_ros.mechanics.kernels import gradient, hessian, workspace
 from cable_ros.solve import banded
 from cable_ros.solve.trust_region import Options, minimize
 from cable_ros.statics import compiled, saddle
@@ -62,6 +62,7 @@ class Rod:
         self.A, self.L, self.pivots = np.zeros((n, band)), np.zeros((n, band)), np.ones(n)
         self.C, self.Y, self.S = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 3))
         self.parts, self.acc = np.zeros((elements, 3, band)), np.zeros((nodes, 4))
+        self.lanes = workspace(self.h, self.tables)
         self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
         self.shares = np.zeros(elements)
         self.mode = np.zeros(n)
@@ -116,7 +117,7 @@ class Rod:
         self.latest = None
         self.acc[:] = 0.0
         gradient(q, compiled.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0,
-                 self.tables, self.acc, self.g, self.radial, self.totals)  # fmt: skip
+                 self.tables, self.lanes, self.acc, self.g, self.radial, self.totals)  # fmt: skip
 
     def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
         self._gradient(x, np.zeros(3))

@@ -10,7 +10,7 @@ import numpy as np
 from cable_ros.compilation import njit
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.stretch_kernels import stretch_gradient, stretch_hessian
-from cable_ros.mechanics.kernels import gradient, hessian
+from cable_ros.mechanics.kernels import gradient, hessian, workspace
 from cable_ros.statics.compiled import (
     ADVANCED,
     NOT_CONTRACTING,
@@ -39,7 +39,7 @@ def stretch_linearize(
     Fe = spread(F, h)
     acc[:] = 0.0
     stretch_gradient(q, Fe, f, compliance, h, s0, N, points, weights, acc, stretch)
-    gradient(q, Fe, f, K, kappa0, h, s0, tables, acc, g, radial, totals)
+    gradient(q, Fe, f, K, kappa0, h, s0, tables, workspace(h, tables), acc, g, radial, totals)
     for a in range(4):
         totals[a] += stretch[a]
     if full:

@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_ros.compilation import LEAF, njit
 from cable_ros.mechanics.effects.contact_kernels import across, find_element, position, pull, shape, tangent
-from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_derivative
+from cable_ros.mechanics.kernels import gradient, hessian, increments, tangent_derivative, workspace
 from cable_ros.statics.friction_kernels import FRICTIONLESS, STICK, carry, rub
 from cable_ros.statics.touch_places import gap_at
 from cable_ros.statics.touch_points import (
@@ -137,7 +137,7 @@ def system(
                 amiss[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / STICK
     Fe = np.empty((h.shape[0], 3))
     point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc)
-    gradient(q, Fe, f, K, kappa0, h, s0, tables, acc, g, radial, totals)
+    gradient(q, Fe, f, K, kappa0, h, s0, tables, workspace(h, tables), acc, g, radial, totals)
     if not full:
         as_stiff = True
         for i in range(count):

@@ -10,7 +10,7 @@ from references import plain_rod
 
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.elements import Mesh, reference_element
-from cable_ros.mechanics.kernels import gradient, hessian
+from cable_ros.mechanics.kernels import gradient, hessian, workspace
 
 # Sums of some thousand products of numbers up to the largest entry of what is compared.
 ROUNDING = 1e-12
@@ -57,7 +57,8 @@ def run_gradient(at: State, q: np.ndarray, acc: np.ndarray | None = None):
     acc = np.zeros_like(q) if acc is None else acc
     g, radial, totals = np.empty((len(q), 3)), np.empty(len(q)), np.empty(5)
     gradient(
-        q, at.F, at.f, at.K, at.kappa0, mesh.lengths, mesh.starts, mesh.element.tables, acc, g, radial, totals
+        q, at.F, at.f, at.K, at.kappa0, mesh.lengths, mesh.starts, mesh.element.tables,
+        workspace(mesh.lengths, mesh.element.tables), acc, g, radial, totals,
     )  # fmt: skip
     return g, radial, totals
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.elements import Mesh, reference_element
-from cable_ros.mechanics.kernels import gradient
+from cable_ros.mechanics.kernels import gradient, workspace
 from cable_ros.statics.guess import bulges, closing_turn, spin, starts, tangents, transport, unloaded
 
 MESH = Mesh(reference_element(6), np.full(8, 0.125))
@@ -27,7 +27,7 @@ def totals(q: np.ndarray, mesh: Mesh = MESH) -> np.ndarray:
     force, nothing = np.zeros((len(mesh.lengths), 3)), np.zeros(3)
     gradient(
         q, force, nothing, np.ones(3), nothing, mesh.lengths, mesh.starts, mesh.element.tables,
-        np.zeros_like(q), g, radial, out,
+        workspace(mesh.lengths, mesh.element.tables), np.zeros_like(q), g, radial, out,
     )  # fmt: skip
     return out
 
