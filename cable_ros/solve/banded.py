@@ -81,6 +81,38 @@ def solve(U, pivots, first, last, order, x):
 
 
 @njit(**LEAF)
+def solve_all(U, pivots, first, last, order, X):
+    """`solve` for each column of X (n, k) in place: the same arithmetic, all columns side by side."""
+    columns = X.shape[1]
+    for i in range(first, last, 3):
+        end = reach(i, order, last) - i
+        for k in range(columns):
+            v0 = X[i, k]
+            v1 = X[i + 1, k] - U[i, 1] * v0
+            X[i + 2, k] = X[i + 2, k] - U[i, 2] * v0 - U[i + 1, 1] * v1
+            X[i + 1, k] = v1
+        for m in range(3, end):
+            u0, u1, u2 = U[i, m], U[i + 1, m - 1], U[i + 2, m - 2]
+            for k in range(columns):
+                X[i + m, k] -= u0 * X[i, k] + u1 * X[i + 1, k] + u2 * X[i + 2, k]
+    for i in range(first, last):
+        for k in range(columns):
+            X[i, k] /= pivots[i]
+    for i in range(last - 3, first - 1, -3):
+        for m in range(3, reach(i, order, last) - i):
+            u0, u1, u2 = U[i, m], U[i + 1, m - 1], U[i + 2, m - 2]
+            for k in range(columns):
+                v = X[i + m, k]
+                X[i, k] -= u0 * v
+                X[i + 1, k] -= u1 * v
+                X[i + 2, k] -= u2 * v
+        for k in range(columns):
+            v1 = X[i + 1, k] - U[i + 1, 1] * X[i + 2, k]
+            X[i, k] = X[i, k] - U[i, 1] * v1 - U[i, 2] * X[i + 2, k]
+            X[i + 1, k] = v1
+
+
+@njit(**LEAF)
 def multiply(A, x, y):
     """y = A x for the symmetric banded A, vectors (n,)."""
     band = A.shape[1] - 1

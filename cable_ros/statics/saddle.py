@@ -8,15 +8,13 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.solve import banded
+from cable_ros.solve import banded, dense
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 NEUTRAL = 1e-6
 """Part of the elastic stiffness that is always added to the Hessian: an equilibrium that may turn freely, as
 that of a round weightless rod about the line of its clamps, then counts as stable, and can be followed."""
-SMALL = 16
-"""Up to so many rows elimination as written is quicker than calling LAPACK."""
 
 
 @njit(**LEAF)
@@ -39,40 +37,6 @@ def solve3(S, b, x):
     x[2] = (s2[2] - v * s1[2]) / (s2[1] - v * s1[1])
     x[1] = (s1[2] - s1[1] * x[2]) / s1[0]
     x[0] = (r0[3] - r0[1] * x[1] - r0[2] * x[2]) / r0[0]
-
-
-@njit(**LEAF)
-def solve_small(S, b, M, x):
-    """x = S^-1 b for the first n rows and columns of S, a few, by elimination with the largest pivot.
-
-    `M` (n, n + 1) is scratch. Raises LinAlgError where S is singular. For ten rows a quarter of the time that
-    LAPACK takes.
-    """
-    n = b.shape[0]
-    for i in range(n):
-        for j in range(n):
-            M[i, j] = S[i, j]
-        M[i, n] = b[i]
-    for k in range(n):
-        p = k
-        for i in range(k + 1, n):
-            if abs(M[i, k]) > abs(M[p, k]):
-                p = i
-        if M[p, k] == 0.0:
-            raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
-        if p != k:
-            for j in range(k, n + 1):
-                M[k, j], M[p, j] = M[p, j], M[k, j]
-        inverse, top = 1.0 / M[k, k], M[k, k + 1 :]
-        for i in range(k + 1, n):
-            v, row = M[i, k] * inverse, M[i, k + 1 :]
-            for j in range(n - k):
-                row[j] -= v * top[j]
-    for k in range(n - 1, -1, -1):
-        v = M[k, n]
-        for j in range(k + 1, n):
-            v -= M[k, j] * x[j]
-        x[k] = v / M[k, k]
 
 
 @njit(**LEAF)
@@ -191,22 +155,36 @@ def border_factor(elastic, geometric, mu, order, A, U, pivots, V, delta, rows, e
             A[i, j] = (1.0 + NEUTRAL + mu) * elastic[i, j] + geometric[i, j]
     negative, worst = banded.factor(A, 3, n - 3, order, U, pivots)
     expected = equalities
+    complement(V, V, rows, order, U, pivots, Y, S)
     for a in range(rows):
-        for i in range(n):
-            Y[a, i] = V[a, i] if 3 <= i < n - 3 else 0.0
-        banded.solve(U, pivots, 3, n - 3, order, Y[a])
-    for a in range(rows):
-        for b in range(a + 1):
-            S[a, b] = inner(V[a], Y[b])
+        for b in range(a):
             S[b, a] = S[a, b]
         S[a, a] += delta[a]
         if a >= equalities and delta[a] >= 0.0:
             expected += 1
-    positive = 0
-    for v in np.linalg.eigvalsh(S[:rows, :rows]):
-        if v > 0.0:
-            positive += 1
-    return worst > 1e-11 and negative + positive == expected
+    return worst > 1e-11 and negative + dense.positive(S[:rows, :rows]) == expected
+
+
+@njit(**OPTIONS)
+def complement(V, W, rows, order, U, pivots, Y, S):
+    """Y (rows, 3n) = H^-1 W^T and S = V H^-1 W^T at the inner nodes, from the factors U of H."""
+    n = U.shape[0]
+    X = np.empty((n, rows))
+    for i in range(n):
+        for a in range(rows):
+            X[i, a] = W[a, i]
+    banded.solve_all(U, pivots, 3, n - 3, order, X)
+    S[:rows, :rows] = 0.0
+    # for what is nearer to the start clamp a border reads nothing of what comes later
+    for a in range(rows):
+        for i in range(3, n - 3):
+            v = V[a, i]
+            if v != 0.0:
+                for b in range(rows):
+                    S[a, b] += v * X[i, b]
+    for a in range(rows):
+        for i in range(n):
+            Y[a, i] = X[i, a] if 3 <= i < n - 3 else 0.0
 
 
 @njit(**OPTIONS)
@@ -217,10 +195,8 @@ def border_step(g, c, V, rows, order, U, pivots, Y, S, s, y):
     missing(c, V, rows, s, b)
     if rows == 3:
         solve3(S, b, y)
-    elif rows <= SMALL:
-        solve_small(S, b, np.empty((rows, rows + 1)), y)
     else:
-        y[:rows] = np.linalg.solve(S[:rows, :rows], b)
+        dense.solve(S[:rows, :rows], b, y)
     respond(Y, rows, y, s)
 
 

@@ -10,7 +10,7 @@ from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.solve import banded
 from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS
-from cable_ros.statics.saddle import border_factor, border_step, end_coupling
+from cable_ros.statics.saddle import border_factor, border_step, complement, end_coupling
 from cable_ros.statics.touch_places import place_points
 from cable_ros.statics.touch_points import FORCE, FRICTION, GRIP, HELD, KIND, POINT, ROW, SAMPLE
 from cable_ros.statics.touch_search import flatten, revise
@@ -35,16 +35,8 @@ def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S
         for j in range(A.shape[1]):
             A[i, j] = elastic[i, j] + geometric[i, j]
     banded.factor(A, 3, n - 3, order, U, pivots)
+    complement(V, W, rows, order, U, pivots, Y, S)
     for a in range(rows):
-        for i in range(n):
-            Y[a, i] = W[a, i] if 3 <= i < n - 3 else 0.0
-        banded.solve(U, pivots, 3, n - 3, order, Y[a])
-    for a in range(rows):
-        for b in range(rows):
-            s = 0.0
-            for i in range(3, n - 3):
-                s += V[a, i] * Y[b, i]
-            S[a, b] = s
         S[a, a] += delta[a]
 
 

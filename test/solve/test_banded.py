@@ -50,6 +50,22 @@ def test_solution(order: int, elements: int, shift: float) -> None:
     assert np.array_equal(x[-3:], b[-3:])
 
 
+@pytest.mark.parametrize(("order", "elements"), [c for c in CASES if 3 * (c[0] * c[1] + 1) > 6])
+def test_many_at_once_are_each_alone(order: int, elements: int) -> None:
+    A = assembled(order, elements, 0, -0.7)
+    n = len(A)
+    U, pivots, _, _ = factored(A, order)
+    X = np.random.default_rng(1).normal(size=(n, 5))
+    alone = X.copy()
+    for x in alone.T:
+        column = x.copy()
+        banded.solve(U, pivots, 3, n - 3, order, column)
+        x[:] = column
+    banded.solve_all(U, pivots, 3, n - 3, order, X)
+    # not a bit's difference: the arithmetic is the same
+    assert np.array_equal(X, alone)
+
+
 @pytest.mark.parametrize(("order", "elements"), CASES[1:])
 @pytest.mark.parametrize("shift", [0.5, 0.0, -0.3, -0.7, -1.5, -5.0])
 @pytest.mark.parametrize("seed", range(3))

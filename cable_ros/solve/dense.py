@@ -1,0 +1,109 @@
+"""Compiled: small dense systems, by elimination as it is written.
+
+Of a hundred unknowns at most, for which a library's threads take longer to start than the work does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+GROWTH = (1.0 + np.sqrt(17.0)) / 8.0
+"""A pivot so much smaller than its column is not taken alone (Bunch & Kaufman 1977)."""
+
+
+@njit(**OPTIONS)
+def positive(S):
+    """Number of positive eigenvalues of the symmetric matrix S (n, n), of which the lower half is read.
+
+    By the inertia of D in P S P^T = L D L^T with blocks of one or two rows (Bunch & Kaufman 1977; Golub & Van
+    Loan, 4.4.4).
+    """
+    n = S.shape[0]
+    A = S.copy()
+    for i in range(n):
+        for j in range(i + 1, n):
+            A[i, j] = A[j, i]
+    count, k = 0, 0
+    while k < n:
+        size, pivot = 1, k
+        if k < n - 1:
+            r = k + 1
+            for i in range(k + 2, n):
+                if abs(A[i, k]) > abs(A[r, k]):
+                    r = i
+            largest = abs(A[r, k])
+            if abs(A[k, k]) < GROWTH * largest:
+                other = 0.0
+                for j in range(k, n):
+                    if j != r:
+                        other = max(other, abs(A[r, j]))
+                if abs(A[k, k]) * other < GROWTH * largest**2:
+                    pivot = r
+                    if abs(A[r, r]) < GROWTH * other:
+                        size = 2
+        last = k + size - 1
+        if pivot != last:
+            for j in range(k, n):
+                A[last, j], A[pivot, j] = A[pivot, j], A[last, j]
+            for i in range(k, n):
+                A[i, last], A[i, pivot] = A[i, pivot], A[i, last]
+        if size == 1:
+            d = A[k, k]
+            if d > 0.0:
+                count += 1
+            if d != 0.0:
+                for i in range(k + 1, n):
+                    v = A[i, k] / d
+                    if v != 0.0:
+                        for j in range(k + 1, n):
+                            A[i, j] -= v * A[k, j]
+        else:
+            a, b, c = A[k, k], A[k + 1, k], A[k + 1, k + 1]
+            count += 1  # such a block has one eigenvalue of each sign
+            det = a * c - b * b
+            for i in range(k + 2, n):
+                v = (A[i, k] * c - A[i, k + 1] * b) / det
+                w = (A[i, k + 1] * a - A[i, k] * b) / det
+                for j in range(k + 2, n):
+                    A[i, j] -= v * A[k, j] + w * A[k + 1, j]
+        k += size
+    return count
+
+
+@njit(**OPTIONS)
+def solve(S, b, x):
+    """x = S^-1 b for a matrix S (n, n), by elimination with the largest pivot of each column.
+
+    Raises:
+        LinAlgError: S is singular or not finite.
+    """
+    n = S.shape[0]
+    A = S.copy()
+    x[:n] = b
+    for k in range(n):
+        p = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[p, k]):
+                p = i
+        d = A[p, k]
+        if not 0.0 < abs(d) < np.inf:
+            raise np.linalg.LinAlgError("a singular matrix")
+        if p != k:
+            for j in range(k, n):
+                A[k, j], A[p, j] = A[p, j], A[k, j]
+            x[k], x[p] = x[p], x[k]
+        for i in range(k + 1, n):
+            v = A[i, k] / d
+            if v != 0.0:
+                for j in range(k + 1, n):
+                    A[i, j] -= v * A[k, j]
+                x[i] -= v * x[k]
+    for k in range(n - 1, -1, -1):
+        v = x[k]
+        for j in range(k + 1, n):
+            v -= A[k, j] * x[j]
+        x[k] = v / A[k, k]
