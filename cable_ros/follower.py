@@ -35,6 +35,9 @@ AMONG_OBSTACLES = 0.1
 """The same where there are obstacles: what is touched on the way decides where the cable ends up."""
 PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
+WORK = 250_000
+"""So many iterations times unknowns may a way among obstacles take, as long as some cold starts; ways that
+lead somewhere take a tenth of it."""
 CLAMP_DEPTH = 1e-6
 """A clamp may be this deep inside an obstacle, parts of the length: rounding of poses."""
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
@@ -148,7 +151,7 @@ class Follower:
             hint = self._hint if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, hint)
         if isinstance(rod, TouchingRod):
-            rod.patience = PATIENCE
+            rod.patience, rod.work = PATIENCE, WORK
         if _farthest(joints, self._joints) > self._longest:
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
@@ -192,6 +195,13 @@ class Follower:
         """Too far for one step: walk there through the joints, and start again where no walk leads there."""
         rod = self._rod
         assert rod is not None
+        obstacles = self._placed(kinematics, joints, poses)
+        if obstacles is not None:
+            re = relative(poses, IDENTITY, self._weight, self._units.length, self._units.force)[1]
+            near = float(np.linalg.norm(re)) < self._reach
+            if near and (barred := self._blocked(obstacles, re) or self._barred(obstacles, re)):
+                # no way there leads anywhere
+                return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
         origin = self._joints
         frames = {0.0: rod.qe}

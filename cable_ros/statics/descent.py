@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,8 @@ DESCENT = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
 """For a descent that must not leave its valley."""
+SOFT = 2
+"""An iteration among soft obstacles is so many others' work: each tries several radii."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -60,8 +63,10 @@ def _descend(
         stiffness = SPRINGS[stage]
         rod.count = 0
         soft = Softened(rod, stiffness)
-        result = minimize(soft, q, F, options)
+        most = max(1, int(min(options.iterations, rod.work / (SOFT * rod.elastic.shape[0]))))
+        result = minimize(soft, q, F, replace(options, iterations=most))
         total += result.iterations
+        rod.spend(SOFT * result.iterations)
         if not result.converged:
             break
         q, F = result.x, result.y
@@ -98,7 +103,7 @@ def give_way(
     way += 2.0 * float(np.abs(q[-1] - end).max())
     if rod.model == COULOMB:
         return failed  # a descent knows nothing of the way that this friction has come
-    if rod.patience <= 0:
+    if rod.patience <= 0 or rod.work <= 0.0:
         return failed
     rod.patience -= 1
     before, kept = (rod.qe, rod.re, rod.f, rod.obstacles), rod.state()

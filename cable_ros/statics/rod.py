@@ -40,6 +40,10 @@ class Rod:
     obstacles: np.ndarray | None = None
     """What it may touch: nothing."""
 
+    work = np.inf
+    """So many iterations times unknowns may still be spent, among obstacles: results must not depend on the
+    clock."""
+
     least = 1e-6
     """A wrench below this, in units of the cable, counts as nothing in a relative error."""
 

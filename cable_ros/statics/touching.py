@@ -133,6 +133,10 @@ class TouchingRod(Rod):
 
     # solving
 
+    def spend(self, iterations: int) -> None:
+        """Count iterations with the present mesh as work done."""
+        self.work -= iterations * self.elastic.shape[0]
+
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
@@ -277,6 +281,7 @@ class TouchingRod(Rod):
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = compiled.NOT_CONTRACTING, 0, False, np.inf
+        self.spend(iterations)
         self.ready, same = code == compiled.ADVANCED, self.count == kept[1]
         age = self.drift + 2.0 * float(np.abs(q_new - q).max()) if self.ready else np.inf
         if self.model == COULOMB and turned == 0.0 and same and age < self.refresh:

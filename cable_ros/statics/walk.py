@@ -17,8 +17,6 @@ SHORTEST = 1e-4
 """Smallest part of a joint step, in rad of the section that turns most, before the branch counts as ended."""
 MOST_FALLS = 20
 """A way with more falls than this is none."""
-MOST_ITERATIONS = 2000
-"""Among obstacles a way that takes more iterations is given up, for what is solved anew is there sooner."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -62,11 +60,16 @@ def walk(
     """Follow the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
     A step is halved until the warm-started solve converges from it. Where even the smallest does not, the
-    cable descends from there to the next stable equilibrium at fixed ends (`fall`).
+    cable descends from there to the next stable equilibrium at fixed ends (`fall`). The walk is stuck where
+    the rod has no `work` left.
     """
     at, iterations, falls = 0.0, 0, 0
     snaps: list[Snap] = []
     while at < 1.0:
+        if rod.work <= 0.0:
+            # what is solved anew is there sooner
+            rod.refactor(q, F)
+            return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
         target = min(1.0, at + step)
         conditions = path(target)
         code, count, q_new, F_new = rod.advance(
@@ -80,8 +83,7 @@ def walk(
             continue
         if np.linalg.norm(conditions.re) >= 1.0 and step < 0.02:
             return Walk(End.BEYOND_REACH, at, q, F, iterations, tuple(snaps))
-        lost = rod.obstacles is not None and iterations > MOST_ITERATIONS
-        if not rod.refactor(q, F) or lost:
+        if not rod.refactor(q, F):
             return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
         if code != compiled.TOO_FAR and step * 0.5 < SHORTEST:
             falls += 1
