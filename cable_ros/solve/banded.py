@@ -82,7 +82,7 @@ def solve(U, pivots, first, last, order, x):
 
 @njit(**LEAF)
 def solve_all(U, pivots, first, last, order, X):
-    """`solve` for each column of X (n, k) in place: the same arithmetic, all columns side by side."""
+    """`solve` for each column of X (n, k) in place, all columns side by side."""
     columns = X.shape[1]
     for i in range(first, last, 3):
         end = reach(i, order, last) - i
