@@ -1,4 +1,4 @@
-"""Whether a cable is long enough to get past what is in its way: the length of a string pulled tight."""
+"""Ways past the obstacles: a string pulled tight tells whether a cable is long enough, and where to go."""
 
 from __future__ import annotations
 
@@ -17,8 +17,14 @@ CUT = 0.01
 """Deeper inside than this no part of the string cuts a corner: it goes through, in lengths of the cable."""
 SWEEPS, CHECK = 240, 8
 """Most sweeps over the string, and how often it is looked at."""
+NARROW = 5e-3
+"""A way that is shorter than the cable by less than this is looked at more closely, parts of the length."""
+FINER = 4
+"""In so many times as many parts."""
 SLIGHT = 1e-4
 """A way that is longer by no more than this, parts of the length, is not yet called too long."""
+DISTINCT = 0.02
+"""Strings no farther apart than this are one, in lengths of the cable."""
 STILL = 3e-6
 """Sweeps that move nothing by more end the pulling, in lengths of the cable."""
 
@@ -66,22 +72,29 @@ def pull_tight(r: np.ndarray, obstacles: np.ndarray, enough: float) -> float:
 
 
 @njit(**OPTIONS)
+def led(re: np.ndarray, k: int) -> np.ndarray:
+    """A string (n, 3) from 0 to re (3,) that is led around on the k-th of SIDES; straight for k = 0."""
+    sides = np.empty((2, 3))
+    across(re / max(np.sqrt(np.sum(re**2)), 1e-12), sides)
+    r = np.empty((PARTS + 1, 3))
+    angle = 2.0 * np.pi * k / SIDES
+    for i in range(PARTS + 1):
+        x = i / PARTS
+        out = 0.6 * np.sin(np.pi * x) if k > 0 else 0.0
+        for a in range(3):
+            r[i, a] = x * re[a] + out * (np.cos(angle) * sides[0, a] + np.sin(angle) * sides[1, a])
+    return r
+
+
+@njit(**OPTIONS)
 def shortest_way(re: np.ndarray, obstacles: np.ndarray, enough: float) -> tuple[float, np.ndarray]:
     """Length of the shortest way found from 0 to re (3,) outside the obstacles, and its points (n, 3).
 
     The search ends with the first one that is not longer than `enough`.
     """
-    sides = np.empty((2, 3))
-    across(re / max(np.sqrt(np.sum(re**2)), 1e-12), sides)
     best, way = np.inf, np.empty((PARTS + 1, 3))
     for k in range(SIDES + 1):
-        r = np.empty((PARTS + 1, 3))
-        angle = 2.0 * np.pi * k / SIDES
-        for i in range(PARTS + 1):
-            x = i / PARTS
-            out = 0.6 * np.sin(np.pi * x) if k > 0 else 0.0
-            for a in range(3):
-                r[i, a] = x * re[a] + out * (np.cos(angle) * sides[0, a] + np.sin(angle) * sides[1, a])
+        r = led(re, k)
         length = pull_tight(r, obstacles, enough)
         if length < best:
             best, way = length, r
@@ -90,13 +103,42 @@ def shortest_way(re: np.ndarray, obstacles: np.ndarray, enough: float) -> tuple[
     return best, way
 
 
+def ways(re: np.ndarray, obstacles: np.ndarray, reach: float) -> list[np.ndarray]:
+    """Strings (n, 3) from 0 to re (3,) past the obstacles (n, WIDTH), pulled tight, the shortest first.
+
+    Each goes another way round, and none is longer than `reach`.
+    """
+    found: list[tuple[float, np.ndarray]] = []
+    for k in range(SIDES + 1):
+        r = led(re, k)
+        length = float(pull_tight(r, obstacles, 0.0))
+        if length < reach and all(np.abs(r - other).max() > DISTINCT for _, other in found):
+            found.append((length, r))
+    return [r for _, r in sorted(found, key=lambda one: one[0])]
+
+
+def _finer(way: np.ndarray, obstacles: np.ndarray) -> tuple[float, np.ndarray]:
+    """Length and points of the string `way` (n, 3) in FINER times as many parts."""
+    at = np.linspace(0.0, len(way) - 1.0, FINER * (len(way) - 1) + 1)
+    r = np.stack([np.interp(at, np.arange(len(way)), way[:, a]) for a in range(3)], axis=1)
+    return float(pull_tight(r, obstacles, 0.0)), r
+
+
+def _first(one: tuple[float, np.ndarray]) -> float:
+    return one[0]
+
+
 def too_short(re: np.ndarray, obstacles: np.ndarray, reach: float) -> tuple[float, int] | None:
     """How much longer than `reach` the shortest way past the obstacles (n, WIDTH) is; the nearest to it.
 
     None where a shorter one was found. Units of the cable, start clamp's frame. Parts of the string that cut
     a corner make it shorter than it is, never longer.
     """
-    length, way = shortest_way(re, obstacles, reach + SLIGHT)
+    length, way = shortest_way(re, obstacles, reach - NARROW)
+    if reach - NARROW < length <= reach + SLIGHT:
+        # coarse strings cut corners
+        close = [_finer(one, obstacles) for one in ways(re, obstacles, reach + SLIGHT)]
+        length, way = min(close, key=_first, default=(length, way))
     if length <= reach + SLIGHT:
         return None
     if length == np.inf:

@@ -7,7 +7,7 @@ import pytest
 
 from cable_ros import Status, Tracker
 from cable_ros.mechanics.effects.contact_kernels import BOX, PLANE, SPHERE, WIDTH
-from cable_ros.statics.detour import PARTS, shortest_way, too_short
+from cable_ros.statics.detour import PARTS, shortest_way, too_short, ways
 
 
 def obstacle(kind: float, center: tuple[float, float, float], *sizes: float) -> np.ndarray:
@@ -62,6 +62,28 @@ def test_only_where_no_way_is_short_enough() -> None:
     # parts of the string cut the corners by up to CUT, never the other way
     assert 1e-2 < missing < 2e-2 + 1e-6
     assert which == 0
+
+
+def test_a_corner_that_the_coarse_string_cuts_is_not_counted_as_slack() -> None:
+    box = obstacle(BOX, (0.45, 0.0, 0.0), 0.1, 0.2, 5.0)
+    around = 2.0 * np.hypot(0.35, 0.2) + 0.2
+    reach = around - 4e-3
+    coarse, _ = shortest_way(END, np.array([box]), 0.0)
+    assert coarse < reach
+    found = too_short(END, np.array([box]), reach)
+    assert found is not None
+    # a string of a fourth of the parts' length cuts a fourth as much off the two corners
+    assert found[0] == pytest.approx(4e-3 - 0.25 * (around - coarse), abs=2e-4)
+    assert too_short(END, np.array([box]), around) is None
+
+
+def test_every_way_past_a_box_is_found_once() -> None:
+    bar = obstacle(BOX, (0.45, 0.0, 0.0), 0.05, 0.1, 5.0)  # endless along z: over it or under it
+    found = ways(END, np.array([bar]), 1.0)
+    assert len(found) == 2
+    middles = sorted(float(r[PARTS // 2, 1]) for r in found)
+    assert middles == pytest.approx([-0.1, 0.1], abs=1e-6)
+    assert not ways(END, np.array([bar]), 0.9)
 
 
 def test_a_cable_that_is_too_short_is_told_so() -> None:
