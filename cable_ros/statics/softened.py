@@ -8,6 +8,7 @@ import numpy as np
 
 from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.statics.friction_kernels import FRICTIONLESS
+from cable_ros.statics.touch_places import lowest
 from cable_ros.statics.touch_points import (
     COLUMNS,
     FIRST,
@@ -88,22 +89,26 @@ class Softened:
             rows = pressed[pressed[:, OBSTACLE] == o]
             rows = rows[np.argsort(rows[:, PLACE])]
             for run in np.split(rows, np.flatnonzero(np.diff(rows[:, PLACE]) > 1.5 * rod.spacing) + 1):
-                new += self._hardened(run)
+                new += self._hardened(x, run)
         rod.count = min(len(new), len(rod.points))
         if new:
             rod.points[: rod.count] = new[: rod.count]
 
-    def _hardened(self, run: np.ndarray) -> list[np.ndarray]:
+    def _hardened(self, x: np.ndarray, run: np.ndarray) -> list[np.ndarray]:
         """Contact points for a `run` (k, COLUMNS) of samples side by side that are inside an obstacle."""
         rod, total = self.rod, run[:, FORCE].sum()
         low, high = run[0, PLACE], run[-1, PLACE]
+        assert rod.obstacles is not None
+        ob = rod.obstacles[int(run[0, OBSTACLE])]
         template = np.zeros(COLUMNS)
         template[OBSTACLE], template[TIE] = run[0, OBSTACLE], -1.0
         if high - low < (LONGEST_POINT - 0.5) * rod.spacing:
-            template[PLACE], template[FORCE] = run[np.argmax(run[:, FORCE]), PLACE], total
+            deepest = run[np.argmax(run[:, FORCE]), PLACE]
+            template[PLACE] = lowest(
+                x, rod.h, rod.s0, rod.mesh.element.nodes, rod.c, deepest, 0.5 * rod.spacing, ob
+            )
+            template[FORCE] = total
             return [template]
-        assert rod.obstacles is not None
-        ob = rod.obstacles[int(run[0, OBSTACLE])]
         out = []
         if low > 1.5 * rod.spacing or not grounded(rod.c, rod.h, rod.s0, ob, 0.0):
             out.append((low, FIRST, run[0, FORCE]))

@@ -94,16 +94,47 @@ def flatten(q, h, s0, nodes, c, spacing, obstacles, depth, points, count):
             # where it is going to slide to: beside an edge the gap is curved as the face is
             s = lowest(q, h, s0, nodes, c, points[i, PLACE], spacing, obstacles[o])
             _, _, curvature = gap_at(q, h, s0, nodes, c, s, obstacles[o], r, t, dt, n, directions, bends)
+            half = spacing
+            if curvature >= 0.0:
+                # or to and fro, between minima on both sides of where it presses
+                s, curvature, half = ridge(q, h, s0, nodes, c, points[i, PLACE], spacing, obstacles[o])
             # the curvature rises by P/2 per length on both sides
             if curvature < 0.0 and -2.67 * curvature**3 > depth * P**2:
                 points[i, PLACE] = s
-                half = min(-2.0 * curvature / P, spacing, 0.45 * s, 0.45 * (1.0 - s))
+                half = min(-2.0 * curvature / P, half, 0.45 * s, 0.45 * (1.0 - s))
                 count = lay(points, count, o, s - half, s + half)
                 changed = True
                 i = 0
                 continue
         i += 1
     return changed, count
+
+
+@njit(**OPTIONS)
+def ridge(q, h, s0, nodes, c, s, spacing, obstacle):
+    """Arc length of a maximum of the gap near s between two minima, its curvature, and the room beside it.
+
+    The curvature is 0 where there is none, or where the minima are those of two edges.
+    """
+    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    _, slope, curvature = gap_at(q, h, s0, nodes, c, s, obstacle, r, t, dt, n, directions, bends)
+    sharpest = max(bends[0], bends[1])
+    if not curvature < 0.0 or abs(slope) > -0.5 * spacing * curvature:
+        return s, 0.0, spacing
+    top = s - slope / curvature
+    if not spacing < top < 1.0 - spacing:
+        return s, 0.0, spacing
+    before = lowest(q, h, s0, nodes, c, top - 0.5 * spacing, 0.5 * spacing, obstacle)
+    after = lowest(q, h, s0, nodes, c, top + 0.5 * spacing, 0.5 * spacing, obstacle)
+    for end in (before, after):
+        gap_at(q, h, s0, nodes, c, end, obstacle, r, t, dt, n, directions, bends)
+        if max(bends[0], bends[1]) > 1.5 * sharpest:
+            return s, 0.0, spacing
+    least, most = 1e-6 * spacing, (1.0 - 1e-6) * spacing
+    if least < top - before < most and least < after - top < most:
+        return top, curvature, 0.25 * (after - before)
+    return s, 0.0, spacing
 
 
 @njit(**LEAF)

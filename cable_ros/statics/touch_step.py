@@ -12,7 +12,16 @@ from cable_ros.statics.compiled import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TO
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.statics.saddle import border_factor, border_step, complement, end_coupling
 from cable_ros.statics.touch_places import place_points
-from cable_ros.statics.touch_points import FORCE, FRICTION, GRIP, HELD, KIND, POINT, ROW, SAMPLE
+from cable_ros.statics.touch_points import (
+    FORCE,
+    FRICTION,
+    GRIP,
+    HELD,
+    KIND,
+    POINT,
+    ROW,
+    SAMPLE,
+)
 from cable_ros.statics.touch_search import flatten, revise
 from cable_ros.statics.touch_stretches import SAMPLES, coarse, cover, fill, move_ends, shrink
 from cable_ros.statics.touch_system import system
@@ -23,6 +32,8 @@ SLOW = 0.15
 """Factors that take away less than all but this part of an error are made anew."""
 MOST_REVISIONS, MOST_ITERATIONS = 44, 25
 """Revisions of the set in a solve, and iterations between two of them."""
+ROUNDING = 10.0
+"""Steps that no longer shrink and are no longer than so many times the tolerance come of rounding."""
 MOST_IN_ALL = 250
 """Iterations of a solve after which no more revisions are tried: a set that keeps changing is none."""
 
@@ -141,7 +152,7 @@ def touch(
             drift += new
             quaternion.retract(q_new, s, q_new)
             close(q_new, qe)
-            scale, change = 1e-3, 0.0
+            scale, change, couple = 1e-3, 0.0, 0.0
             for a in range(3):
                 F_new[a] += y[a]
                 scale = max(scale, abs(F_new[a]))
@@ -156,8 +167,9 @@ def touch(
                     change = max(change, abs(y[3 + i]))
                 # the couple is the force times the way that its place has still to go
                 if points[i, KIND] == POINT and points[i, ROW] > 0.0:
-                    change = max(change, abs(y[int(points[i, ROW])]))
-            new = max(new, change / scale, move_ends(points, count, y, spacing))
+                    couple = max(couple, abs(y[int(points[i, ROW])]))
+            shape = max(new, couple / scale, move_ends(points, count, y, spacing))
+            new = max(shape, change / scale)
             if not lift:
                 total += 1
                 rate = max(min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, drift)
@@ -165,6 +177,11 @@ def touch(
                 trusted = rate if steady or full else max(rate, 0.5)
                 if changes == 0 and (new * trusted <= tolerance or new < 1e-13):
                     converged = True
+                    break
+                stays = same and steady and changes == 0 and iteration > 4 and new > 0.9 * size
+                if stays and shape <= ROUNDING * tolerance:
+                    # the shape hardly tells how places side by side share their force
+                    new, converged = shape, True
                     break
                 if iteration > 12 and new > 0.9 * size and model == FRICTIONLESS:
                     return NOT_CONTRACTING, total, count, rows, moved, drift

@@ -249,8 +249,10 @@ def shrink(points, count, spacing, depth):
         length = points[j, PLACE] - points[i, PLACE] if j >= 0 else 1.0
         if length < spacing and length**3 * (points[i, FORCE] + points[j, FORCE]) < depth:
             points[i, FORCE : HELD + 3] += points[j, FORCE : HELD + 3]
-            points[i, PLACE], points[i, KIND] = points[i, PLACE] + 0.5 * length, POINT
+            o, low = points[i, OBSTACLE], points[i, PLACE]
+            points[i, PLACE], points[i, KIND] = low + 0.5 * length, POINT
             count = remove(points, count, j)
+            count = clear(points, count, o, low, low + length)
             changed, i = True, 0
         else:
             i += 1
@@ -291,6 +293,18 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
         i += 1
     lifted, count = part(points, count, h, s0, obstacles.shape[0])
     return changed or lifted, count
+
+
+@njit(**OPTIONS)
+def clear(points, count, o, low, high):
+    """Drop the samples on obstacle o between low and high; the count."""
+    i = 0
+    while i < count:
+        if points[i, KIND] == SAMPLE and points[i, OBSTACLE] == o and low <= points[i, PLACE] <= high:
+            count = remove(points, count, i)
+        else:
+            i += 1
+    return count
 
 
 @njit(**OPTIONS)
