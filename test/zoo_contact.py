@@ -144,6 +144,9 @@ def by_chance() -> list[Case]:
         ("pinched between two bars", 1, 768, 1),
         ("stuck, then pulled hard", 2, 1961, STEPS),
         ("lifted off beside the end of a stretch", 2, 929, 4),
+        ("taut past a box, round the other side than pushed", 1, 302, STEPS),
+        ("taut over a capsule, along a hundredth of it", 2, 808, STEPS),
+        ("both edges of a bar, slack between", 2, 1043, STEPS),
     )
     cases = [
         replace(contact_case(seed, i, 1e-4, poses), name=name, baselines=False)

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 SPRINGS = (3e4, 3e6, 3e8, 1e10)
 """Stiffness of the soft obstacles, EI / L^4, in turn: the first shows the way, the last who touches."""
+DENSITIES = (1, 1, 2, 3)
+"""With each of them contact is looked for at so many times as many places, where the cable may be taut."""
+NEAR = 2
+"""The first of them from a shape that touches as it should: softer ones could let it through."""
 SUNK = (np.inf, 0.03, 3e-3)
 """Deeper than this after the first, second, and later descents, parts of the length, none comes out again."""
 DESCENT = Options(
@@ -32,17 +36,17 @@ GRID = np.linspace(0.0, 1.0, 33)
 
 
 def descend(
-    rod: TouchingRod, q: np.ndarray, F: np.ndarray, options: Options, first: int = 0
+    rod: TouchingRod, q: np.ndarray, F: np.ndarray, options: Options, first: int = 0, taut: bool = False
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
     """The stable equilibrium with contact where a descent from (q, F) ends: q, F, iterations; or None.
 
-    The obstacles are springs at first, SPRINGS[first] and on, which any shape can start from. Contacts and
-    mesh are put back where it fails.
+    The obstacles are springs at first, SPRINGS[first] and on, which any shape can start from. A cable that
+    may be `taut` bends about them within short lengths. Contacts and mesh are put back where it fails.
     """
     assert rod.obstacles is not None
     sharp, kept, mesh = rod.obstacles, rod.state(), rod.mesh
     rod.obstacles = blunted(sharp)
-    found = _descend(rod, q, F, options, first)
+    found = _descend(rod, q, F, options, first, taut)
     if found is not None and rod.obstacles is not sharp:
         total = found[2]
         found = sharpen(rod, found[0], found[1], sharp, options.step_tolerance)
@@ -54,7 +58,7 @@ def descend(
 
 
 def _descend(
-    rod: TouchingRod, q: np.ndarray, F: np.ndarray, options: Options, first: int
+    rod: TouchingRod, q: np.ndarray, F: np.ndarray, options: Options, first: int, taut: bool
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
     """`descend` among the rod's obstacles as they are; leaves the rod where it fails."""
     assert rod.obstacles is not None
@@ -62,6 +66,8 @@ def _descend(
     for stage in range(first, len(SPRINGS)):
         stiffness = SPRINGS[stage]
         rod.count = 0
+        if taut:
+            rod.densify(DENSITIES[stage])
         soft = Softened(rod, stiffness)
         most = max(1, int(min(options.iterations, rod.work / (SOFT * rod.elastic.shape[0]))))
         result = minimize(soft, q, F, replace(options, iterations=most))
@@ -71,7 +77,7 @@ def _descend(
             break
         q, F = result.x, result.y
         rod.ready = False
-        if stage == 0 and _known(rod, q, result.objective):
+        if stage == (first if taut else 0) and _known(rod, q, result.objective):
             break
         if stage > 0 and soft.phi[:, 1:-1].min(initial=0.0) < -SUNK[min(stage, len(SUNK) - 1)]:
             break  # it has been through the obstacle's middle: the springs only hold it inside
@@ -79,6 +85,8 @@ def _descend(
         _inherit(rod, before)
         if not rod.count and rod.clear(q):
             return (q, F, total) if rod.refactor(q, F) else None
+        if taut:
+            q = rod.resolve(q, F)
         if (rod.points[: rod.count, KIND] != POINT).any():
             q = rod.fit(q)
         code, iterations, q_new, F_new = rod.touch(

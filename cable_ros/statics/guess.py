@@ -155,3 +155,19 @@ def starts(
     turns.sort(key=lambda item: item[:2])
     for _, _, angle, q in turns:
         yield spin(q, nodes, angle)
+
+
+def along(
+    way: np.ndarray, nodes: np.ndarray, qe: np.ndarray, hint: float | None, natural: np.ndarray
+) -> np.ndarray:
+    """Frames (n, 4) along the string `way` (m, 3), those whose twist is nearest to the hint."""
+    parts = np.diff(way, axis=0)
+    lengths = np.linalg.norm(parts, axis=1)
+    middle = (np.cumsum(lengths) - 0.5 * lengths) / lengths.sum()
+    directions = parts / lengths[:, None]
+    t = np.stack([np.interp(nodes, middle, directions[:, a]) for a in range(3)], axis=1)
+    t[0], t[-1] = (0.0, 0.0, 1.0), quaternion.rotate(qe, np.array([0.0, 0.0, 1.0]))
+    q = transport(t / np.linalg.norm(t, axis=1, keepdims=True))
+    base = closing_turn(q, qe)
+    centre = natural[2] if hint is None else hint
+    return spin(q, nodes, base + 2.0 * np.pi * np.round((centre - base) / (2.0 * np.pi)))

@@ -9,7 +9,9 @@ import numpy as np
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.elements import Mesh, reference_element
 from cable_ros.solve.trust_region import Options
-from cable_ros.statics.guess import starts
+from cable_ros.statics.descent import descend
+from cable_ros.statics.detour import ways
+from cable_ros.statics.guess import along, starts
 from cable_ros.statics.rod import ORDER, Rod
 from cable_ros.statics.stretching import SLACK, StretchingRod
 from cable_ros.statics.touching import TouchingRod
@@ -80,7 +82,10 @@ def _taut_layer(conditions: Conditions) -> float:
 
 def settle(rod: Rod, q: np.ndarray, F: np.ndarray, options: Options = Options()) -> Found | None:  # noqa: B008
     """The minimum near (q, F), factored, or None."""
-    result = rod.minimum(q, F, options)
+    return _found(rod, rod.minimum(q, F, options))
+
+
+def _found(rod: Rod, result: tuple[np.ndarray, np.ndarray, int] | None) -> Found | None:
     if result is None:
         return None
     q, F, iterations = result
@@ -162,6 +167,7 @@ def equilibria(
     within = conditions.re * min(1.0, SLACK / max(float(np.linalg.norm(conditions.re)), SLACK))
     re = conditions.re if compliance is None else within
     taut = compliance is not None and float(np.linalg.norm(conditions.re)) > TAUT
+    options = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
     for q in starts(mesh.nodes, conditions.qe, re, conditions.f, hint, natural, taut):
         rod: Rod
         if compliance is not None:
@@ -172,7 +178,6 @@ def equilibria(
             rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
             rod.seen = seen
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
-        options = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
         one = settle(rod, q, np.zeros(3), options)
         if one is None:
             continue
@@ -183,7 +188,30 @@ def equilibria(
         found.append(one)
         if hint is not None and not thorough and abs(one.twist - hint) < 0.02:
             break
+    if not found and conditions.obstacles is not None and compliance is None:
+        found = _beside(stiffness, natural, conditions, hint, tolerance, mesh, options)
     return sorted(found, key=lambda one: one.energy)
+
+
+def _beside(
+    stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None,
+    tolerance: float, mesh: Mesh, options: Options,
+) -> list[Found]:  # fmt: skip
+    """The first equilibrium that descents from the shortest ways past the obstacles lead to.
+
+    Soft obstacles let a taut cable through, and hard ones then hold it on the wrong side.
+    """
+    assert conditions.obstacles is not None
+    seen: list[np.ndarray] = []
+    for way in ways(conditions.re, conditions.obstacles, 1.0):
+        rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
+        rod.seen = seen
+        rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
+        q = along(way, mesh.nodes, conditions.qe, hint, natural)
+        one = _found(rod, descend(rod, q, np.zeros(3), options, 1, taut=True))
+        if one is not None:
+            return [one]
+    return []
 
 
 def same(a: Found, b: Found) -> bool:

@@ -13,6 +13,9 @@ CLOSEST = 0.02
 TOGETHER = 1e-6
 """Contact points this near to each other share a boundary."""
 
+LAYERS = 3.0
+"""An element that bends beside a contact is no longer than so many of the lengths within which it does."""
+
 
 def suited(mesh: Mesh, points: np.ndarray) -> Mesh:
     """The mesh with boundaries where the contact points are, none of its elements much longer for it."""
@@ -42,6 +45,25 @@ def fitted(element: ReferenceElement, edges: list[float], points: np.ndarray, sp
         parts = int(np.ceil((high - low) / (LYING * spacing))) if lies else 1
         out += [low + (high - low) * k / parts for k in range(1, parts + 1)]
     return Mesh(element, np.diff([0.0, *out[:-1], 1.0]))
+
+
+def layered(mesh: Mesh, points: np.ndarray, force: float) -> Mesh:
+    """The mesh, its elements halved where the `force` along the cable leaves it short lengths to bend in.
+
+    Beside contact points and clamps a taut cable bends within 1 / sqrt(force), and straightens beyond.
+    """
+    layer = LAYERS / np.sqrt(max(force, 1.0))
+    held = np.array([0.0, *places(points), 1.0])
+    out: list[float] = []
+    waiting = mesh.lengths[::-1].tolist()
+    while waiting:
+        low, h = sum(out), waiting.pop()
+        away = float(np.maximum(low - held, held - (low + h)).min())
+        if h > layer + max(away, 0.0):
+            waiting += [0.5 * h, 0.5 * h]
+        else:
+            out.append(h)
+    return Mesh(mesh.element, np.array(out))
 
 
 def places(points: np.ndarray) -> list[float]:

@@ -11,12 +11,12 @@ from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.mechanics.elements import Mesh, primitives
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
-from cable_ros.statics.descent import descend, give_way
+from cable_ros.statics.descent import NEAR, descend, give_way
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.response import border_response
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.saddle import NEUTRAL
-from cable_ros.statics.touch_meshes import fitted, suited
+from cable_ros.statics.touch_meshes import fitted, layered, suited
 from cable_ros.statics.touch_points import (
     CAPACITY,
     COLUMNS,
@@ -54,12 +54,14 @@ class TouchingRod(Rod):
         mesh, stiffness, natural: as in `Rod`.
         tolerance: of the end wrench; it sets how deep a contact may be overlooked and how finely a stretch is
             held.
+        density: contact is looked for at so many times as many places as that asks for.
     """
 
     def __init__(
-        self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None, tolerance: float = 1e-4
-    ) -> None:
-        self.tolerance = tolerance
+        self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None, tolerance: float = 1e-4,
+        density: int = 1,
+    ) -> None:  # fmt: skip
+        self.tolerance, self.density = tolerance, density
         # penetration far below 1e-6 at the default tolerance, above the rounding of positions
         self.depth = float(np.clip(1e-5 * tolerance, 1e-12, 1e-8))
         self.sag = 5e-7 * (tolerance / 1e-4) ** 0.5  # what may be inside where no contact point is looked for
@@ -104,10 +106,16 @@ class TouchingRod(Rod):
     def _sample(self, obstacles: int) -> None:
         """Choose where contact is looked for: as finely as tolerance asks; weight sags little between."""
         weight = float(np.linalg.norm(self.f))
-        self.cells = int(np.clip(np.ceil((weight / (384.0 * self.sag)) ** 0.25), 40, 150))
+        cells = int(np.clip(np.ceil((weight / (384.0 * self.sag)) ** 0.25), 40, 150))
+        self.cells = min(self.density * cells, 150)
         self.spacing = 1.0 / self.cells
         self.samples = np.linspace(0.0, 1.0, self.cells + 1)
         self.phi = np.zeros((obstacles, self.cells + 1))
+
+    def densify(self, density: int) -> None:
+        """Look for contact at `density` times as many places as tolerance asks for, from here on."""
+        self.density = density
+        self._sample(len(self.phi))
 
     def variant(
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
@@ -118,6 +126,7 @@ class TouchingRod(Rod):
             self.K if stiffness is None else stiffness,
             self.natural if natural is None else natural,
             self.tolerance if tolerance is None else tolerance,
+            self.density,
         )
         new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
         new.model, new.sense = self.model, self.sense
@@ -151,6 +160,7 @@ class TouchingRod(Rod):
             )
             if code == compiled.ADVANCED:
                 return q_new, F_new, iterations
+            return descend(self, q, F, options, NEAR)
         return descend(self, q, F, options)
 
     def _let_go(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -177,9 +187,16 @@ class TouchingRod(Rod):
 
     def fit(self, q: np.ndarray) -> np.ndarray:
         """Change to a mesh that holds the contact points well; returns the shape q (n, 4) on it."""
-        old = self.mesh
-        mesh = fitted(old.element, list(self.s0[1:]), self.points[: self.count], self.spacing)
-        fresh = old.interpolate(q, mesh.nodes)
+        points = self.points[: self.count]
+        return self._onto(fitted(self.mesh.element, list(self.s0[1:]), points, self.spacing), q)
+
+    def resolve(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """Change to a mesh that is fine enough for how end force F bends q about the points; q on it."""
+        mesh = layered(self.mesh, self.points[: self.count], float(np.linalg.norm(F)))
+        return q if len(mesh.lengths) == len(self.h) else self._onto(mesh, q)
+
+    def _onto(self, mesh: Mesh, q: np.ndarray) -> np.ndarray:
+        fresh = self.mesh.interpolate(q, mesh.nodes)
         fresh[0], fresh[-1] = q[0], q[-1]
         self._allocate(mesh)
         self.points[: self.count, TIE] = -1.0
@@ -296,15 +313,22 @@ class TouchingRod(Rod):
             self.sense = sense
             return code, iterations + spent, q_new, F_new
         curve(q_new, self.h, self.tables[0], self.primitives, self.c)
-        if self.sunk(obstacles):
-            self.restore(kept, mesh)
-            self.sense, self.ready = sense, False
-            return compiled.NOT_CONTRACTING, iterations, q_new, F_new
+        sunk, before = self.sunk(obstacles), (self.qe, self.re, self.f, self.obstacles)
         self.set_conditions(qe, re, f, obstacles)
         self.age, self.drift = age, turned if same else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         if moved and remesh:
-            return self._remesh(q_new, F_new, iterations, tolerance)
+            finer = self._remesh(q_new, F_new, iterations, tolerance)
+            if finer is not None:
+                return finer
+            if not sunk:
+                ready = self.refactor(q_new, F_new)
+                return compiled.ADVANCED if ready else compiled.NOT_CONVEX, iterations, q_new, F_new
+        if sunk:
+            self.restore(kept, mesh)
+            self.set_conditions(*before)
+            self.sense, self.ready = sense, False
+            return compiled.NOT_CONTRACTING, iterations, q_new, F_new
         if not self.count:
             super().refactor(q_new, F_new)
         self.settled = q_new
@@ -337,8 +361,8 @@ class TouchingRod(Rod):
 
     def _remesh(
         self, q: np.ndarray, F: np.ndarray, iterations: int, tolerance: float
-    ) -> tuple[int, int, np.ndarray, np.ndarray]:
-        """The equilibrium (q, F) once more, on a mesh that holds its contact points better."""
+    ) -> tuple[int, int, np.ndarray, np.ndarray] | None:
+        """The equilibrium (q, F) on a mesh that holds its contact points better; None: not found."""
         old, kept = self.mesh, self.state()
         fresh = self.fit(q)
         assert self.obstacles is not None
@@ -350,7 +374,7 @@ class TouchingRod(Rod):
         if code == compiled.ADVANCED:
             return code, iterations + more, q_new, F_new
         self.restore(kept, old)
-        return compiled.ADVANCED if self.refactor(q, F) else compiled.NOT_CONVEX, iterations, q, F
+        return None
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
         """Which elements (elements,) are too long to stay where contacts hold them; see `give`."""

@@ -63,7 +63,7 @@ def test_many_at_once_are_each_alone(order: int, elements: int) -> None:
         x[:] = column
     banded.solve_all(U, pivots, 3, n - 3, order, X)
     # the same but for the order of sums, of a matrix with a condition of up to 1e4
-    assert X == pytest.approx(alone, abs=1e-10)
+    assert pytest.approx(alone, abs=1e-10) == X
 
 
 @pytest.mark.parametrize(("order", "elements"), CASES[1:])

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.elements import Mesh, reference_element
 from cable_ros.mechanics.kernels import gradient, workspace
-from cable_ros.statics.guess import bulges, closing_turn, spin, starts, tangents, transport, unloaded
+from cable_ros.statics.guess import along, bulges, closing_turn, spin, starts, tangents, transport, unloaded
 
 MESH = Mesh(reference_element(6), np.full(8, 0.125))
 NODES = MESH.nodes
@@ -139,3 +139,16 @@ def test_a_coiled_cable_starts_with_the_twist_nearest_to_the_hint(turns: float) 
     around = NATURAL[2] + 2.0 * np.pi * (turns + np.array([0.0, 1.0, -1.0]))
     # The mesh resolves a helix of two turns and more an end to end to about 1e-3.
     assert twists == pytest.approx(around, abs=1e-2)
+
+
+@pytest.mark.parametrize("hint", [None, 4.0])
+def test_frames_along_a_string_follow_it_and_end_as_clamped(hint: float | None) -> None:
+    way = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.4], [0.3, 0.0, 0.8], [0.0, 0.0, 1.2]])  # 0.5, 0.4, 0.5 long
+    q = along(way, NODES, END, hint, np.zeros(3))
+    # the same rotation; its quaternion may have either sign
+    assert abs(q[-1] @ END) == pytest.approx(1.0, abs=1e-12)
+    assert q[0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=1e-12)
+    middle = len(NODES) // 2
+    assert quaternion.rotate(q[middle], Z) == pytest.approx(Z, abs=1e-12)
+    turns = closing_turn(along(way, NODES, END, None, np.zeros(3)), END)
+    assert turns == pytest.approx(0.0, abs=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cable_ros.mechanics.elements import Mesh, reference_element
-from cable_ros.statics.touch_meshes import fitted, suited
+from cable_ros.statics.touch_meshes import LAYERS, fitted, layered, suited
 from cable_ros.statics.touch_points import COLUMNS, KIND, PLACE, POINT
 
 ELEMENT = reference_element(3)
@@ -31,3 +31,16 @@ def test_every_point_has_a_boundary_and_every_element_a_length(places: tuple[flo
         edges = np.cumsum(lengths)
         for place in places:
             assert np.abs(edges - place).min() < 1e-8
+
+
+def test_beside_a_contact_a_taut_cable_has_elements_as_short_as_it_bends_in() -> None:
+    mesh = Mesh(ELEMENT, np.full(4, 0.25))
+    assert (layered(mesh, at(0.3), 50.0).lengths == mesh.lengths).all()  # 0.42 is longer than they are
+    fine = layered(mesh, at(0.3), 1e4)
+    edges = np.concatenate(([0.0], np.cumsum(fine.lengths)))
+    assert edges[-1] == pytest.approx(1.0, abs=1e-14)
+    assert set(np.round(np.cumsum(mesh.lengths), 12)) <= set(np.round(edges, 12))
+    for place in (0.0, 0.3, 1.0):
+        e = min(int(np.searchsorted(edges, place, side="right")) - 1, len(fine.lengths) - 1)
+        assert fine.lengths[e] <= LAYERS / 100.0
+    assert fine.lengths.max() > 0.1  # far from all of them it stays coarse
