@@ -31,7 +31,7 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 AWAY = 1.0
 """What is nearer than so many samples' spacing is looked at closely."""
-BESIDE = 0.1
+BESIDE = 0.25
 """A minimum this near to a contact point, in parts of the spacing, is that of a cable all but flat there."""
 LONG = 4.0
 """What is inside over so many samples is no point contact."""
@@ -80,9 +80,9 @@ def press(c, h, s0, samples, obstacles, points, phi, stiffness):
 
 
 @njit(**OPTIONS)
-def flatten(q, h, s0, nodes, c, spacing, obstacles, depth, points, count):
+def flatten(q, h, s0, nodes, c, spacing, obstacles, give, points, count):
     """Make stretches of the points beside which the cable, more curved than the surface, dips deeper than
-    `depth`; returns (changed, count).
+    `give`; returns (changed, count).
     """
     r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
@@ -99,7 +99,7 @@ def flatten(q, h, s0, nodes, c, spacing, obstacles, depth, points, count):
                 # or to and fro, between minima on both sides of where it presses
                 s, curvature, half = ridge(q, h, s0, nodes, c, points[i, PLACE], spacing, obstacles[o])
             # the curvature rises by P/2 per length on both sides
-            if curvature < 0.0 and -2.67 * curvature**3 > depth * P**2:
+            if curvature < 0.0 and -2.67 * curvature**3 > give * P**2:
                 points[i, PLACE] = s
                 half = min(-2.0 * curvature / P, half, 0.45 * s, 0.45 * (1.0 - s))
                 count = lay(points, count, o, s - half, s + half)

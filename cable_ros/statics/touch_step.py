@@ -100,7 +100,7 @@ def touch(
             changes = 0
             curve(q_new, h, N, primitives, c)
             if not lift:
-                flattened, count = flatten(q_new, h, s0, nodes, c, spacing, obstacles, depth, points, count)
+                flattened, count = flatten(q_new, h, s0, nodes, c, spacing, obstacles, give, points, count)
                 moved = not place_points(
                     q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count
                 )
