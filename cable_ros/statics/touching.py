@@ -82,13 +82,12 @@ class TouchingRod(Rod):
         n = self.elastic.shape[0]
         self.h, self.s0 = self.h.copy(), self.s0.copy()
         self.primitives = primitives(mesh.element)
-        self.V, self.W, self.borders = np.zeros((ROWS, n)), np.zeros((ROWS, n)), np.zeros((ROWS, n))
+        # nothing is read of these that was not written: megabytes, of which few rows are ever used
+        self.V, self.W, self.borders = np.empty((ROWS, n)), np.empty((ROWS, n)), np.empty((ROWS, n))
         self.lines, self.upto = np.zeros((ROWS, 3)), np.zeros(ROWS, np.int64)
-        self.delta, self.complement = np.zeros(ROWS), np.zeros((ROWS, ROWS))
-        self.Y_slip, self.S_slip = (
-            np.zeros((ROWS, n)),
-            np.zeros((ROWS, ROWS)),
-        )  # with friction: `skew_factor`'s
+        self.delta, self.complement = np.zeros(ROWS), np.empty((ROWS, ROWS))
+        # with friction: `skew_factor`'s
+        self.Y_slip, self.S_slip = np.empty((ROWS, n)), np.empty((ROWS, ROWS))
         self.c = np.zeros((len(self.h), len(self.primitives) + 1, 3))
         self.judged = True  # whether `borders` and `complement` are those of the present borders
         self.ready = False  # whether the factors are those of the last equilibrium with its contact points
