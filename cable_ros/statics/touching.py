@@ -8,113 +8,26 @@ from functools import partial
 import numpy as np
 
 from cable_ros.mechanics.effects.contact_kernels import curve
-from cable_ros.mechanics.elements import Mesh, primitives
+from cable_ros.mechanics.elements import Mesh
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.descent import NEAR, descend, give_way
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
-from cable_ros.statics.response import border_response
 from cable_ros.statics.rod import Rod
-from cable_ros.statics.saddle import NEUTRAL
-from cable_ros.statics.touch_meshes import fitted, layered, suited
-from cable_ros.statics.touch_points import (
-    CAPACITY,
-    COLUMNS,
-    FORCE,
-    FRICTION,
-    GRIP,
-    HELD,
-    KIND,
-    OBSTACLE,
-    POINT,
-    SAMPLE,
-    TIE,
-    held,
-)
-from cable_ros.statics.touch_resolution import misplaced
-from cable_ros.statics.touch_search import dips, passage, scan
+from cable_ros.statics.touch_borders import BorderedRod
+from cable_ros.statics.touch_meshes import fitted, layered
+from cable_ros.statics.touch_points import FORCE, FRICTION, HELD, KIND, OBSTACLE, POINT, TIE
+from cable_ros.statics.touch_search import passage
 from cable_ros.statics.touch_step import touch
 from cable_ros.statics.touch_stretches import resample
-from cable_ros.statics.touch_system import nodal, point_forces, system
-
-ROWS = 3 + 6 * CAPACITY
-DEEPEST = 1e-5
-"""What is deeper inside an obstacle, parts of the length, is no equilibrium."""
-RELEASED = 1e30
-"""A border so soft, L^3 / EI, holds nothing."""
 
 
-class TouchingRod(Rod):
-    """A `Rod` among obstacles: while nothing touches it is one, bit for bit.
+class TouchingRod(BorderedRod):
+    """A rod among obstacles.
 
     The contact points belong to its last equilibrium: `advance` and `minimum` change them, together with the
     lengths of the elements, and put them back where they fail.
-
-    Args:
-        mesh, stiffness, natural: as in `Rod`.
-        tolerance: of the end wrench; it sets how deep a contact may be overlooked and how finely a stretch is
-            held.
-        density: contact is looked for at so many times as many places as that asks for.
     """
-
-    def __init__(
-        self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None, tolerance: float = 1e-4,
-        density: int = 1,
-    ) -> None:  # fmt: skip
-        self.tolerance, self.density = tolerance, density
-        # penetration far below 1e-6 at the default tolerance, above the rounding of positions
-        self.depth = float(np.clip(1e-5 * tolerance, 1e-12, 1e-8))
-        self.sag = 5e-7 * (tolerance / 1e-4) ** 0.5  # what may be inside where no contact point is looked for
-        self.give = 0.5 * min(self.sag, 0.1 * tolerance)  # and where only a finer mesh could keep it out
-        self.cells, self.spacing, self.samples = 1, 1.0, np.zeros(0)
-        self.model = FRICTIONLESS
-        self.patience = 0  # so many descents more may be made of steps that fail; see `descent.give_way`
-        self.seen: list[np.ndarray] | None = None  # what a search with several starts has found before
-        self.sense = np.zeros(3)
-        self.points = np.zeros((CAPACITY, COLUMNS))
-        self.count, self.rows = 0, 3
-        self.settled: np.ndarray | None = None  # the shape to which the gradient with contact belongs
-        self.gaps, self.normals = np.zeros(ROWS), np.zeros((CAPACITY, 3))
-        super().__init__(mesh, stiffness, natural)
-
-    def _allocate(self, mesh: Mesh) -> None:
-        super()._allocate(mesh)
-        n = self.elastic.shape[0]
-        self.h, self.s0 = self.h.copy(), self.s0.copy()
-        self.primitives = primitives(mesh.element)
-        # nothing is read of these that was not written: megabytes, of which few rows are ever used
-        self.V, self.W, self.borders = np.empty((ROWS, n)), np.empty((ROWS, n)), np.empty((ROWS, n))
-        self.lines, self.upto = np.zeros((ROWS, 3)), np.zeros(ROWS, np.int64)
-        self.delta, self.complement = np.zeros(ROWS), np.empty((ROWS, ROWS))
-        # with friction: `skew_factor`'s
-        self.Y_slip, self.S_slip = np.empty((ROWS, n)), np.empty((ROWS, ROWS))
-        self.c = np.zeros((len(self.h), len(self.primitives) + 1, 3))
-        self.judged = True  # whether `borders` and `complement` are those of the present borders
-        self.ready = False  # whether the factors are those of the last equilibrium with its contact points
-
-    def set_conditions(
-        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
-    ) -> None:
-        """As `Rod.set_conditions`; `obstacles` (n, WIDTH): see `contact_kernels.gap`."""
-        super().set_conditions(qe, re, f)
-        if obstacles is not None:
-            if self.obstacles is None or len(obstacles) != len(self.obstacles):
-                self._sample(len(obstacles))
-            self.obstacles = obstacles
-
-    def _sample(self, obstacles: int) -> None:
-        """Choose where contact is looked for: as finely as tolerance asks; weight sags little between."""
-        weight = float(np.linalg.norm(self.f))
-        cells = int(np.clip(np.ceil((weight / (384.0 * self.sag)) ** 0.25), 40, 150))
-        self.cells = min(self.density * cells, 150)
-        self.spacing = 1.0 / self.cells
-        self.samples = np.linspace(0.0, 1.0, self.cells + 1)
-        self.phi = np.zeros((obstacles, self.cells + 1))
-
-    def densify(self, density: int) -> None:
-        """Look for contact at `density` times as many places as tolerance asks for, from here on."""
-        self.density = density
-        self._sample(len(self.phi))
 
     def variant(
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
@@ -135,11 +48,6 @@ class TouchingRod(Rod):
             new.points[:, TIE] = -1.0
             new.count = resample(new.points, new.count, new.h, new.s0)
         return new
-
-    def held(self) -> np.ndarray:
-        return np.asarray(held(self.points, self.normals, self.count))
-
-    # solving
 
     def spend(self, iterations: int) -> None:
         """Count iterations with the present mesh as work done."""
@@ -202,15 +110,6 @@ class TouchingRod(Rod):
         self.count = resample(self.points, self.count, self.h, self.s0)
         return fresh
 
-    def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
-        if not self.count:
-            return super().refactor(q, F)
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        self._normal = self.settled = None
-        self.rows = self.system(q, F, FRICTIONLESS)
-        self.drift, self.ready = 0.0, self.model == FRICTIONLESS
-        return self.border_factor(0.0, 3 + self.count)
-
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
@@ -239,26 +138,6 @@ class TouchingRod(Rod):
         if result[0] == compiled.ADVANCED:
             return result
         return give_way(self, q, F, qe, re, f, limit, obstacles, result)
-
-    def sunk(self, obstacles: np.ndarray) -> bool:
-        """Whether a stretch, or what is beside it, is deeper inside than springs may let it."""
-        if not (self.points[: self.count, KIND] == SAMPLE).any():
-            return False
-        if self.gaps[: self.count].min() < -DEEPEST:
-            return True
-        scan(self.c, self.h, self.s0, self.samples, obstacles, self.phi)
-        return float(self.phi[:, 1:-1].min()) < -DEEPEST
-
-    def clear(self, q: np.ndarray) -> bool:
-        """Whether the shape q (n, 4) is nowhere inside an obstacle, between the samples neither."""
-        assert self.obstacles is not None
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        scan(self.c, self.h, self.s0, self.samples, self.obstacles, self.phi)
-        return not self._dips(q, self.obstacles)
-
-    def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
-        return bool(dips(q, self.h, self.s0, self.mesh.element.nodes, self.c, self.samples,
-                         obstacles, self.phi, self.depth))  # fmt: skip
 
     def state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
         """What `restore` takes: contact points, their number, lengths and starts of the elements."""
@@ -375,100 +254,8 @@ class TouchingRod(Rod):
         self.restore(kept, old)
         return None
 
-    def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
-        """Which elements (elements,) are too long to stay where contacts hold them; see `give`."""
-        if not self.count:
-            return super().unresolved(q, leeway)
-        out = np.empty(len(self.h))
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        misplaced(q, self.h, self.s0, self.fine, self.c, self.obstacles, self.points, self.count, out)
-        return out > 2.0 * leeway * self.give
-
-    def suited(self, mesh: Mesh) -> Mesh:
-        return suited(mesh, self.points[: self.count])
-
-    # the borders' algebra
-
-    def system(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
-        """Gradient, Hessian and borders at (q, F) with the contact points as they are; number of borders."""
-        rows, _, _ = system(
-            q, F, self.f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
-            self.primitives, self.c, self.obstacles, self.c, self.h, self.s0, self.obstacles, self.sense,
-            model, False, self.points, self.count, self.gaps, self.normals, self.acc, self.g, self.radial,
-            self.totals, self.elastic, self.geometric, self.parts, self.C, self.V, self.W, self.delta,
-            self.lines, self.upto, True,
-        )  # fmt: skip
-        return int(rows)
-
-    def border_factor(self, mu: float, equalities: int) -> bool:
-        """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
-        self.judged = True
-        return bool(compiled.border_factor(
-            self.elastic, self.geometric, mu, self.mesh.element.order, self.A, self.L, self.pivots,
-            self.V, self.delta, self.rows, equalities, self.borders, self.complement,
-        ))  # fmt: skip
-
-    def _judge(self) -> None:
-        """Have factors that tell of stability and errors, not those of the iteration with friction."""
-        if not self.judged:
-            self.border_factor(0.0, 3 + self.count)
-
-    def border_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `compiled.border_step`."""
-        s, y = np.empty(gradient.shape[0]), np.empty(self.rows)
-        compiled.border_step(gradient, constraints, self.V, self.rows, self.mesh.element.order, self.L,
-                             self.pivots, self.borders, self.complement, s, y)  # fmt: skip
-        return s, y
-
-    # what a solution says
-
-    def _softest(self) -> float:
-        if not self.count:
-            return super()._softest()
-        self._judge()
-        return float(compiled.margin(
-            self.elastic, self.V, self.rows, self.mesh.element.order, self.L, self.pivots, self.borders,
-            self.complement, self.mode, self.waves(), 50,
-        ))  # fmt: skip
-
     def snapshot(self) -> Callable[[], Rod]:
         return partial(_standing, self, self.mesh, self.points[: self.count].copy(), self.obstacles)
-
-    def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """See `response.clamp_response`; the contacts hold, and friction stays what it is, in the world."""
-        if not self.count:
-            return super().clamp_stiffness(q, F)
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        self.rows = self.system(q, F, FRICTIONLESS)
-        self.border_factor(-NEUTRAL, 3 + self.count)
-        held = self.held()
-        return np.asarray(border_response(
-            F, F + self.f + held, self.qe, self.elastic, self.geometric, self.V, self.rows, self.lines,
-            self.mesh.element.order, self.L, self.pivots, self.borders, self.complement, self.g,
-        ))  # fmt: skip
-
-    def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        if not self.count:
-            return super().wrench_error(q, F)
-        self._judge()
-        Fe, residual = np.empty((len(self.h), 3)), np.empty(self.g.size)
-        point_forces(q, F, self.h, self.s0, self.tables[0], self.tables[4], self.primitives, self.points,
-                     self.normals, self.count, Fe, self.acc)  # fmt: skip
-        nodal(q, self.acc, residual)
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        coarse = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
-        # what sticks does so where this mesh has put it: the force stays, no border holds the place
-        grips = np.abs(self.points[: self.count, GRIP]).astype(int)
-        held = np.concatenate([grips[grips > 0], 1 + grips[self.points[: self.count, GRIP] > 0.0]])
-        complement = self.complement
-        if len(held) and self.model == COULOMB:
-            complement = complement.copy()
-            complement[held, held] = RELEASED
-        return np.asarray(compiled.error(
-            q, Fe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine, self.bubble,
-            self.elastic, self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L,
-            self.pivots, self.borders, complement, self.g, residual, self.shares,
-        ))  # fmt: skip
 
 
 def _standing(rod: TouchingRod, mesh: Mesh, points: np.ndarray, obstacles: np.ndarray | None) -> TouchingRod:
