@@ -320,7 +320,7 @@ class Follower:
         """Check the resolution, refine where it has become too coarse, and read off the result."""
         rod = self._rod
         assert rod is not None
-        if rod.drift == 0.0 or not self._estimate <= self.tolerance:
+        if rod.drift == 0.0 or not self._estimate <= self.tolerance or rod.rubs_anew():
             self._estimate = rod.relative_error(self._q, self._F)
             if self._estimate > ACCEPT * self.tolerance or rod.unresolved(self._q, LENIENT).any():
                 found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
@@ -328,6 +328,7 @@ class Follower:
                 iterations += fine.iterations
                 self._take(fine, self._joints)
                 rod = fine.rod
+            self._estimate = max(self._estimate, rod.friction_error(self._q, self._F))
             if self._estimate > self.tolerance:
                 message = (
                     f"The end wrench cannot be had to {self.tolerance:.0e}: its estimated error stays"

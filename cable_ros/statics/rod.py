@@ -267,3 +267,11 @@ class Rod:
         """Estimated relative error of the end wrench; see `units.relative_change`."""
         change = self.wrench_error(q, F)
         return float(compiled.relative_error(change, F, self.g[-1], self.shares, self.least))
+
+    def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
+        """What friction adds to `relative_error`; see `BorderedRod`."""
+        return 0.0
+
+    def rubs_anew(self) -> bool:
+        """Whether `friction_error` should be asked again; see `BorderedRod`."""
+        return False

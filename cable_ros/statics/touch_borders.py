@@ -12,14 +12,17 @@ from cable_ros.statics.response import border_response
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.touch_meshes import suited
-from cable_ros.statics.touch_points import CAPACITY, COLUMNS, GRIP, KIND, SAMPLE, held
-from cable_ros.statics.touch_resolution import misplaced
+from cable_ros.statics.touch_points import CAPACITY, COLUMNS, FRICTION, GRIP, KIND, SAMPLE, held
+from cable_ros.statics.touch_resolution import highest_mode, misplaced
 from cable_ros.statics.touch_search import dips, scan
 from cable_ros.statics.touch_system import nodal, point_forces, system
+from cable_ros.statics.units import relative_change
 
 ROWS = 3 + 6 * CAPACITY
 DEEPEST = 1e-5
 """What is deeper inside an obstacle, parts of the length, is no equilibrium."""
+CHANGED = 0.1
+"""Friction that has become so much more or less, parts of itself, is another."""
 RELEASED = 1e30
 """A border so soft, L^3 / EI, holds nothing."""
 
@@ -50,6 +53,7 @@ class BorderedRod(Rod):
         self.sense = np.zeros(3)
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
+        self.rubbed = 0.0  # friction along stretches, all together, when `friction_error` last looked at it
         self.settled: np.ndarray | None = None  # the shape to which the gradient with contact belongs
         self.gaps, self.normals = np.zeros(ROWS), np.zeros((CAPACITY, 3))
         super().__init__(mesh, stiffness, natural)
@@ -218,3 +222,32 @@ class BorderedRod(Rod):
             self.elastic, self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L,
             self.pivots, self.borders, complement, self.g, residual, self.shares,
         ))  # fmt: skip
+
+    def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
+        """As `relative_error`, for what friction along stretches is between its samples.
+
+        Taken to be as much as the highest mode that they tell on each element: little where it is smooth, but
+        friction remembers, and a cable that is all but free to move across answers to that with its wrench.
+        """
+        self.rubbed = self._rub()
+        if self.rubbed == 0.0:
+            return 0.0
+        rub = self.points[: self.count, FRICTION : FRICTION + 3]
+        kept, mode = rub.copy(), np.empty((self.count, 3))
+        highest_mode(self.points, self.count, mode)
+        change = self.wrench_error(q, F)
+        rub -= mode
+        change -= self.wrench_error(q, F)
+        rub[:] = kept
+        return float(relative_change(change, np.concatenate((F, self.g[-1])), self.least))
+
+    def rubs_anew(self) -> bool:
+        """Whether friction along stretches has changed much since `friction_error` told of it."""
+        if self.count == 0 or self.model == FRICTIONLESS:
+            return False
+        rub = self._rub()
+        return abs(rub - self.rubbed) > CHANGED * max(rub, self.rubbed)
+
+    def _rub(self) -> float:
+        points = self.points[: self.count]
+        return float(np.abs(points[points[:, KIND] == SAMPLE, FRICTION : FRICTION + 3]).sum())

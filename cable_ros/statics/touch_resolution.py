@@ -6,10 +6,13 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.mechanics.effects.contact_kernels import gap, position, tangent
-from cable_ros.statics.touch_points import KIND, OBSTACLE, SAMPLE
-from cable_ros.statics.touch_stretches import NODES, SAMPLES, inside
+from cable_ros.statics.touch_points import FRICTION, KIND, LENGTH, OBSTACLE, ROW, SAMPLE
+from cable_ros.statics.touch_stretches import NODES, SAMPLES, WEIGHTS, inside
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
+
+HIGHEST = np.polynomial.legendre.Legendre.basis(SAMPLES - 1)(2.0 * NODES - 1.0)
+"""The Legendre polynomial of the highest order that an element's samples tell, at them."""
 
 
 @njit(**OPTIONS)
@@ -50,3 +53,21 @@ def misplaced(q, h, s0, fine, c, obstacles, points, count, out):
                 if inside(points, count, o, s):
                     position(c, h, s0, s, r)
                     out[e] = max(out[e], -gap(obstacles[o], r, n, directions, bends))
+
+
+@njit(**OPTIONS)
+def highest_mode(points, count, out):
+    """The part of each sample's friction, out (count, 3), that is in the highest mode of its element."""
+    out[:] = 0.0
+    for i in range(count):
+        if points[i, KIND] != SAMPLE:
+            continue
+        g = int(points[i, ROW])
+        mode = points[i, LENGTH] * (2 * SAMPLES - 1) * HIGHEST[g % SAMPLES]
+        for k in range(count):
+            other = int(points[k, ROW])
+            near = points[k, OBSTACLE] == points[i, OBSTACLE] and other // SAMPLES == g // SAMPLES
+            if near and points[k, KIND] == SAMPLE:
+                share = mode * WEIGHTS[other % SAMPLES] * HIGHEST[other % SAMPLES] / points[k, LENGTH]
+                for a in range(3):
+                    out[i, a] += share * points[k, FRICTION + a]
