@@ -40,6 +40,7 @@ def main() -> int:
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2), constrained_layout=True)
     accuracy(left)
     loop(right)
+    args.out.mkdir(parents=True, exist_ok=True)
     figure.savefig(args.out / "lying.png", dpi=110)
     return 0
 
