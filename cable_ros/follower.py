@@ -35,7 +35,7 @@ AMONG_OBSTACLES = 0.1
 """The same where there are obstacles: what is touched on the way decides where the cable ends up."""
 PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
-WORK = 250_000
+WORK = 150_000
 """So many iterations times unknowns may a way among obstacles take, as long as some cold starts; ways that
 lead somewhere take a tenth of it."""
 CLAMP_DEPTH = 1e-6

@@ -21,6 +21,8 @@ from cable_ros.statics.units import relative_change
 ROWS = 3 + 6 * CAPACITY
 DEEPEST = 1e-5
 """What is deeper inside an obstacle, parts of the length, is no equilibrium."""
+RUBS = 1.0 / 3.0
+"""Elements along a stretch that rubs are so much shorter than along others."""
 CHANGED = 0.1
 """Friction that has become so much more or less, parts of itself, is another."""
 RELEASED = 1e30
@@ -121,6 +123,10 @@ class BorderedRod(Rod):
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
         return bool(dips(q, self.h, self.s0, self.mesh.element.nodes, self.c, self.samples,
                          obstacles, self.phi, self.depth))  # fmt: skip
+
+    def finest(self) -> float:
+        """The spacing that measures elements along stretches: friction is less smooth than pressure."""
+        return RUBS * self.spacing if self.model == COULOMB else self.spacing
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
         """Which elements (elements,) are too long to stay where contacts hold them; see `give`."""

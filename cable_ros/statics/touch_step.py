@@ -56,7 +56,7 @@ def touch(
     q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, samples,
     obstacles, old_obstacles, sense, model, points, count, rows, ready, known, old_f, gaps, normals,
     elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
-    tolerance, depth, give, limit, drift, refresh, q_new, F_new,
+    tolerance, depth, give, finest, limit, drift, refresh, q_new, F_new,
 ):  # fmt: skip
     """From the equilibrium (q, F) with contact to the one under new conditions; see `compiled.advance`.
 
@@ -196,7 +196,7 @@ def touch(
             points, count, phi,
         )  # fmt: skip
         if not changed:
-            moved = moved or coarse(points, count, h, s0, spacing)
+            moved = moved or coarse(points, count, h, s0, finest)
             if not convex and model == FRICTIONLESS:
                 return NOT_CONVEX, total, count, rows, moved, drift
             system(

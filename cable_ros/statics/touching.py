@@ -95,7 +95,7 @@ class TouchingRod(BorderedRod):
     def fit(self, q: np.ndarray) -> np.ndarray:
         """Change to a mesh that holds the contact points well; returns the shape q (n, 4) on it."""
         points = self.points[: self.count]
-        return self._onto(fitted(self.mesh.element, list(self.s0[1:]), points, self.spacing), q)
+        return self._onto(fitted(self.mesh.element, list(self.s0[1:]), points, self.finest()), q)
 
     def resolve(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Change to a mesh that is fine enough for how end force F bends q about the points; q on it."""
@@ -172,7 +172,8 @@ class TouchingRod(BorderedRod):
                 self.points, self.count, self.rows, self.ready, known, self.f, self.gaps, self.normals,
                 self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W,
                 self.delta, self.lines, self.upto, Y, S, self.acc, self.g, self.radial, self.totals,
-                tolerance, self.depth, self.give, limit, self.drift, self.refresh, q_new, F_new,
+                tolerance, self.depth, self.give, self.finest(), limit, self.drift, self.refresh, q_new,
+                F_new,
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = compiled.NOT_CONTRACTING, 0, False, np.inf
