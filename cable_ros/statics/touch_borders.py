@@ -21,7 +21,7 @@ from cable_ros.statics.units import relative_change
 ROWS = 3 + 6 * CAPACITY
 DEEPEST = 1e-5
 """What is deeper inside an obstacle, parts of the length, is no equilibrium."""
-RUBS = 1.0 / 3.0
+RUBS = 0.4
 """Elements along a stretch that rubs are so much shorter than along others."""
 CHANGED = 0.1
 """Friction that has become so much more or less, parts of itself, is another."""
