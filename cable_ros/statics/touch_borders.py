@@ -256,4 +256,6 @@ class BorderedRod(Rod):
 
     def _rub(self) -> float:
         points = self.points[: self.count]
+        if SAMPLE not in points[:, KIND].tolist():  # quicker than to add up nothing
+            return 0.0
         return float(np.abs(points[points[:, KIND] == SAMPLE, FRICTION : FRICTION + 3]).sum())
