@@ -166,6 +166,11 @@ class Follower:
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
         return self._far(kinematics, index, joints, poses, begin)
 
+    def _no_way(self, conditions: Conditions) -> str:
+        """What is in the way of every cable of this length between the clamps; empty where nothing is."""
+        obstacles, re = conditions.obstacles, conditions.re
+        return "" if obstacles is None else self._blocked(obstacles, re) or self._barred(obstacles, re)
+
     def _blocked(self, obstacles: np.ndarray, re: np.ndarray) -> str:
         """A sentence where a clamp is inside an obstacle, so that no shape of the cable can be right."""
         for end, r in (("start", NOTHING), ("end", re)):
@@ -195,13 +200,10 @@ class Follower:
         """Too far for one step: walk there through the joints, and start again where no walk leads there."""
         rod = self._rod
         assert rod is not None
-        obstacles = self._placed(kinematics, joints, poses)
-        if obstacles is not None:
-            re = relative(poses, IDENTITY, self._weight, self._units.length, self._units.force)[1]
-            near = float(np.linalg.norm(re)) < self._reach
-            if near and (barred := self._blocked(obstacles, re) or self._barred(obstacles, re)):
-                # no way there leads anywhere
-                return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
+        there = self._conditions(kinematics, joints, poses, IDENTITY)
+        if np.linalg.norm(there.re) < self._reach and (barred := self._no_way(there)):
+            # no walk leads anywhere
+            return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
         origin = self._joints
         frames = {0.0: rod.qe}
@@ -263,11 +265,8 @@ class Follower:
                     " its tension has no bound."
                 )
             return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
-        obstacles = conditions.obstacles
-        if obstacles is not None and (
-            blocked := self._blocked(obstacles, conditions.re) or self._barred(obstacles, conditions.re)
-        ):
-            return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
+        if barred := self._no_way(conditions):
+            return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
         found = equilibria(
             self._stiffness, self._natural, conditions, hint, self.tolerance, False, self._compliance
         )
@@ -322,12 +321,14 @@ class Follower:
         assert rod is not None
         if rod.drift == 0.0 or not self._estimate <= self.tolerance or rod.rubs_anew():
             self._estimate = rod.relative_error(self._q, self._F)
-            if self._estimate > ACCEPT * self.tolerance or rod.unresolved(self._q, LENIENT).any():
+            sinks = rod.unresolved(self._q, LENIENT).any()
+            if self._estimate > ACCEPT * self.tolerance or sinks:
                 found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
                 fine, self._estimate = refine(found, self.tolerance)
                 iterations += fine.iterations
                 self._take(fine, self._joints)
                 rod = fine.rod
+                sinks = rod.unresolved(self._q, LENIENT).any()
             self._estimate = max(self._estimate, rod.friction_error(self._q, self._F))
             if self._estimate > self.tolerance:
                 message = (
@@ -335,7 +336,7 @@ class Follower:
                     f" {self._estimate:.1e}."
                 )
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
-            if rod.unresolved(self._q, LENIENT).any():
+            if sinks:
                 return self.failed(Status.NOT_CONVERGED, SINKS, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])

@@ -114,7 +114,7 @@ def ways(re: np.ndarray, obstacles: np.ndarray, reach: float) -> list[np.ndarray
         length = float(pull_tight(r, obstacles, 0.0))
         if length < reach and all(np.abs(r - other).max() > DISTINCT for _, other in found):
             found.append((length, r))
-    return [r for _, r in sorted(found, key=lambda one: one[0])]
+    return [r for _, r in sorted(found, key=_first)]
 
 
 def _finer(way: np.ndarray, obstacles: np.ndarray) -> tuple[float, np.ndarray]:

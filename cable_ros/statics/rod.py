@@ -87,7 +87,7 @@ class Rod:
         self.qe, self.re, self.f = qe, re, f
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
-        """Which elements (elements,) are too long for something else than the wrench; see `TouchingRod`."""
+        """Which elements (elements,) are too long for something else than the wrench; see `BorderedRod`."""
         return np.zeros(len(self.h), bool)
 
     def suited(self, mesh: Mesh) -> Mesh:

@@ -20,7 +20,7 @@ AIM, ACCEPT = 0.1, 0.45
 """A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
 LENIENT = 1.6
 """An old one is kept while contacts misplace its elements by this many times what a new one may; see
-`TouchingRod.unresolved`."""
+`BorderedRod.unresolved`."""
 TAUT = 0.999
 """Where its chord is more than this part of its length, a stretching cable is looked for straight first."""
 SEARCH = 1e-2

@@ -21,7 +21,7 @@ SLIPS, GRIP, WENT = 13, 14, 15
 the friction of the last equilibrium (3), the boundary between elements that goes with the point (-1: none),
 the length of cable that a sample stands for, the border that holds the slope of the gap at the end of a
 stretch, or the number of a sample, counted along the cable, 1 for what slips, the first of the two borders
-that hold what sticks (0: none), and how far the end of a stretch went in the last iteration."""
+that hold what sticks (0: none), and how far a point or an end went in the last iteration."""
 COLUMNS = 16
 POINT, SAMPLE, FIRST, LAST = 0.0, 1.0, 2.0, 3.0
 """Kinds: a touching point, one of the samples of a stretch, the first and the last point of a stretch.

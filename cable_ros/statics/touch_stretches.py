@@ -194,10 +194,10 @@ def grounded(c, h, s0, obstacle, s):
 
 @njit(**OPTIONS)
 def move_ends(points, count, y, spacing):
-    """Move the ends of stretches to where no couple holds them; y (rows,) the borders' multipliers.
+    """Move points and stretches' ends to where no couple holds them; y (rows,) the borders' multipliers.
 
-    The couple that holds the slope, divided by the force that acts there, is its lever; what pulls is in
-    too far. Returns the largest motion.
+    The couple that holds the slope, divided by the force that acts there, is its lever; an end that pulls is
+    out too far. Returns the largest motion.
     """
     largest = 0.0
     ways = np.zeros(count)
@@ -352,18 +352,13 @@ def lift(points, count, o, s, low, high):
 
     The stretch's end is a point where none does.
     """
-    if low >= 0.0:
-        count = add(points, count, o, low, LAST)
-    else:
-        first = end_beside(points, count, o, s, FIRST)
-        if first >= 0:
-            points[first, KIND] = POINT
-    if high >= 0.0:
-        count = add(points, count, o, high, FIRST)
-    else:
-        last = end_beside(points, count, o, s, LAST)
-        if last >= 0:
-            points[last, KIND] = POINT
+    for presses, end, kind in ((low, FIRST, LAST), (high, LAST, FIRST)):
+        if presses >= 0.0:
+            count = add(points, count, o, presses, kind)
+        else:
+            e = end_beside(points, count, o, s, end)
+            if e >= 0:
+                points[e, KIND] = POINT
     return count
 
 
