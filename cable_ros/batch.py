@@ -167,7 +167,7 @@ def _chunks(job: _Job, paths: Sequence[np.ndarray]) -> Iterator[_Chunk]:
             scout.restore(start)
         stride = len(poses) if friction else CHUNK
         for begin in range(0, len(poses), stride):
-            scout.solve(dict(zip(scout.joint_names, poses[begin].tolist(), strict=True)))
+            scout.arrive(dict(zip(scout.joint_names, poses[begin].tolist(), strict=True)))
             if begin == 0:
                 start = scout.snapshot()
             end = begin + stride
@@ -245,7 +245,7 @@ def _solve_chunk(chunk: _Chunk) -> _Done:
 
 def _solve_row(job: _Job, tracker: Tracker, poses: np.ndarray) -> Batch:
     names = tracker.joint_names
-    rows = [tracker.solve(dict(zip(names, pose, strict=True))) for pose in poses.tolist()]
+    rows = [tracker.arrive(dict(zip(names, pose, strict=True))) for pose in poses.tolist()]
     cables = tuple(cable.name for cable in job.scene.cables)
     arrays = {
         name: np.array([[getattr(row[cable], name) for cable in cables] for row in rows])

@@ -138,8 +138,8 @@ def _approach(
     tracker: Tracker, joints: Mapping[str, float], step: np.ndarray, count: int
 ) -> dict[str, Equilibrium]:
     for back in range(count, 0, -1):
-        tracker.solve(_moved(tracker, joints, -back * step))
-    return tracker.solve(joints)
+        tracker.arrive(_moved(tracker, joints, -back * step))
+    return tracker.arrive(joints)
 
 
 def _moved(tracker: Tracker, joints: Mapping[str, float], way: np.ndarray) -> dict[str, float]:

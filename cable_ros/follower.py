@@ -16,16 +16,28 @@ from cable_ros.mechanics.effects.effect import Properties
 from cable_ros.scene import Cable, Kinematics
 from cable_ros.self_contact import SPACING, closest_approach, warning
 from cable_ros.solve.status import Status
+from cable_ros.standing import Standing, alone, motion
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
 from cable_ros.statics.detour import too_short
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.rod import NOTHING, Rod
 from cable_ros.statics.saddle import NEUTRAL
-from cable_ros.statics.search import ACCEPT, LENIENT, Conditions, Found, equilibria, refine, same
+from cable_ros.statics.search import (
+    ACCEPT,
+    LENIENT,
+    Conditions,
+    Found,
+    better_mesh,
+    equilibria,
+    on_mesh,
+    refine,
+    same,
+)
+from cable_ros.statics.touch_points import SLIPS
 from cable_ros.statics.touching import TouchingRod
 from cable_ros.statics.units import Units, relative, relative_change
-from cable_ros.statics.walk import End, Walk, walk
+from cable_ros.statics.walk import End, Fall, walk
 
 ALGEBRAIC = 1e-3
 """The iteration stops at this part of the tolerance: nothing beside the resolution's error."""
@@ -35,9 +47,14 @@ AMONG_OBSTACLES = 0.1
 """The same where there are obstacles: what is touched on the way decides where the cable ends up."""
 PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
+FREE_WORK = 150_000
+"""Budget of one solve without obstacles, iterations times unknowns: about 50 ms."""
 WORK = 150_000
-"""So many iterations times unknowns may a way among obstacles take, as long as some cold starts; ways that
-lead somewhere take a tenth of it."""
+"""The same among obstacles, about 300 ms; ways that lead somewhere take a tenth of it."""
+PROGRESS = 0.01
+"""Part of the longest step that a solve must get on with its budget; otherwise it is stuck."""
+TWIST = 1e-2
+"""Difference of total twist, rad, below which two meshes show the same equilibrium."""
 CLAMP_DEPTH = 1e-6
 """A clamp may be this deep inside an obstacle, parts of the length: rounding of poses."""
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
@@ -100,6 +117,7 @@ class Follower:
         self._q, self._F = np.empty((0, 4)), np.empty(3)
         self._joints = np.empty(0)
         self._twist: float | None = None
+        self._standing = Standing()
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
         self._apart = np.inf
@@ -129,7 +147,23 @@ class Follower:
             self._rod.refactor(self._q, self._F)
         else:
             self._rod = None
+            self._lose("it could not be followed to the cable's new properties")
         return changed is not None
+
+    def _lose(self, told: str) -> None:
+        self._standing = self._standing.lost(told, self._model == COULOMB)
+        if self._rod is not None:
+            self._rod.forgot = False
+
+    @property
+    def lost(self) -> str:
+        """What happened to the branch; empty while it is known."""
+        loss = self._standing.loss
+        return "" if loss is None else loss.told
+
+    def distrust(self, told: str) -> None:
+        """Take the branch for lost until it is known again, or `reset`; `told`: what happened, a clause."""
+        self._lose(told)
 
     def _conditions(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, before: np.ndarray
@@ -146,25 +180,70 @@ class Follower:
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
     ) -> Equilibrium:
         """The equilibrium at `joints`, the clamps at `poses`; `kinematics` tells of the way there."""
+        if self._rod is not None and self._resolved != self.tolerance:
+            self._resolve()
         rod = self._rod
-        if rod is None or self._resolved != self.tolerance:
+        if rod is None:
             hint = self._hint if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, hint)
+        rod.work = FREE_WORK if self._obstacles is None else WORK
         if isinstance(rod, TouchingRod):
-            rod.patience, rod.work = PATIENCE, WORK
+            rod.patience = PATIENCE
         if _farthest(joints, self._joints) > self._longest:
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
         obstacles = self._placed(kinematics, joints, poses)
         if obstacles is not None and (blocked := self._blocked(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
+        before = None if self._standing.loss is None else _conditions(rod)
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
         )
         if code == compiled.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
+            if before is not None:
+                self._mend(before, step=True)
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
         return self._far(kinematics, index, joints, poses, begin)
+
+    def _resolve(self) -> None:
+        """Bring the equilibrium to another tolerance on its branch; forget it if that fails."""
+        rod, tolerance = self._rod, self.tolerance
+        assert rod is not None
+        if rod.refactor(self._q, self._F):
+            found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
+            if not _touches(rod):
+                # its mesh may be too fine as well
+                other = on_mesh(found, better_mesh(rod, rod.relative_error(self._q, self._F), tolerance))
+                found = found if other is None or abs(other.twist - found.twist) > TWIST else other
+            fine, estimate = refine(found, tolerance)
+            if estimate <= tolerance:
+                self._take(fine, self._joints)
+                self._estimate = np.inf
+                return
+        self._rod = None
+        self._lose(f"it could not be brought to the tolerance {tolerance:g}")
+
+    def _mend(self, before: Conditions, step: bool) -> None:
+        """Count the motion since `before` in what must happen before a lost branch is known again."""
+        rod, loss = self._rod, self._standing.loss
+        assert rod is not None
+        assert loss is not None
+        touches = _touches(rod)
+        slips = (
+            isinstance(rod, TouchingRod) and touches and bool((rod.points[: rod.count, SLIPS] == 1.0).all())
+        )
+        loss = loss.followed(motion(before, _conditions(rod)), touches and slips, step)
+        if loss.forgotten or (not touches and loss.due and self._alone(rod)):
+            self._standing = Standing()
+            return
+        self._standing = Standing(replace(loss, unasked=0.0) if not touches and loss.due else loss)
+
+    def _alone(self, rod: Rod) -> bool:
+        energy, _, _ = rod.linearize(self._q, self._F)
+        rod.factor(0.0)
+        here = Found(rod, self._q, self._F, energy, float(rod.totals[4]), 0)
+        return alone(here, self._stiffness, self._natural, self._compliance, self.tolerance)
 
     def _no_way(self, conditions: Conditions) -> str:
         """What is in the way of every cable of this length between the clamps; empty where nothing is."""
@@ -205,52 +284,62 @@ class Follower:
             # no walk leads anywhere
             return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
-        origin = self._joints
-        frames = {0.0: rod.qe}
+        origin, before = self._joints, _conditions(rod)
 
         def path(t: float) -> Conditions:
-            nearest = max((s for s in frames if s <= t), default=0.0)
             there = origin + t * (joints - origin)
-            conditions = self._conditions(kinematics, there, kinematics.poses(there)[index], frames[nearest])
-            frames[t] = conditions.qe
-            return conditions
+            return self._conditions(kinematics, there, kinematics.poses(there)[index], rod.qe)
 
-        longest = self._longest / max(np.abs(joints - origin).max(initial=0.0), self._longest)
+        way = float(np.abs(joints - origin).max(initial=0.0))
+        longest = self._longest / max(way, self._longest)
         result = walk(rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, 0.5 * longest, longest)
-        if result.end in (End.ARRIVED, End.SNAPPED):
-            self._q, self._F, self._joints = result.q, result.F, joints
-            rod.refactor(self._q, self._F)
-            status = Status.SNAPPED if result.snaps else Status.CONVERGED
-            return self._finish(status, self._story(result), result.iterations, poses, begin)
-        # the way is barred: the pose itself may still be fine, on the branch nearest in twist
-        twist = self._twist
         # the rod is where the walk ended, maybe on another mesh: what comes next goes on from there
-        self._q, self._F, self._joints = result.q, result.F, origin + result.at * (joints - origin)
-        anew = self._cold(kinematics, joints, poses, begin, twist)
-        if result.end is End.STUCK and anew.status is Status.CONVERGED:
-            told = (
-                f"lost at {100 * result.at:.4g} % of the step and solved anew: total twist {twist:.3f} -> "
-                f"{anew.total_twist:.3f} rad"
+        reached = joints if result.end is End.ARRIVED else origin + result.at * (joints - origin)
+        self._q, self._F, self._joints = result.q, result.F, reached
+        self._fell(result.falls)
+        got_on = result.at >= PROGRESS * longest
+        if result.end is End.ARRIVED or (result.end is End.UNFINISHED and got_on):
+            rod.refactor(result.q, result.F)
+            if self._standing.loss is not None and not any(fall.jumped for fall in result.falls):
+                self._mend(before, step=False)
+            if result.end is End.ARRIVED:
+                return self._finish(
+                    Status.CONVERGED, Status.CONVERGED.sentence, result.iterations, poses, begin
+                )
+            # the mesh must keep up with what the cable does on a long way
+            there_poses = kinematics.poses(reached)[index]
+            self._finish(Status.UNFINISHED, "", result.iterations, there_poses, begin)
+            unfinished = self.failed(
+                Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )
-            return replace(anew, status=Status.SNAPPED, message=f"{Status.SNAPPED.sentence[:-1]} ({told}).")
-        return anew
-
-    def _story(self, result: Walk) -> str:
-        if not result.snaps:
-            return Status.CONVERGED.sentence
-        unit = self._units.moment
-        falls = "; ".join(
-            f"total twist {s.twist_before:.3f} -> {s.twist_after:.3f} rad,"
-            f" energy {s.energy_before * unit:.4g} -> {s.energy_after * unit:.4g} J"
-            f" at {100 * s.at:.4g} % of the step"
-            for s in result.snaps
+            return replace(unfinished, iterations=result.iterations)
+        why = (
+            "its clamps were farther apart than it is long"
+            if result.end is End.BEYOND_REACH
+            else "it was lost"
         )
-        return f"{Status.SNAPPED.sentence[:-1]} ({falls})."
+        told = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved anew"
+        return self._cold(kinematics, joints, poses, begin, self._twist, told)
+
+    def _fell(self, falls: Sequence[Fall]) -> None:
+        """Keep what falls on a walk mean for what is known."""
+        for fall in falls:
+            if fall.touched and self._model == COULOMB:
+                self._lose("it fell with contacts whose friction was forgotten")
+            elif fall.jumped and not fall.folded:
+                turned = f"total twist {fall.twist_before:.3f} -> {fall.twist_after:.3f} rad"
+                self._lose(f"it fell, {turned}, with a stability margin of {fall.margin:.2g} before")
+            elif fall.jumped and self._standing.loss is None:
+                self._standing = replace(self._standing, snaps=(*self._standing.snaps, fall))
 
     def _cold(
-        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None
-    ) -> Equilibrium:
-        """Search the pose for stable equilibria: take the one nearest the hint, or of least energy."""
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None,
+        told: str = "",
+    ) -> Equilibrium:  # fmt: skip
+        """Search the pose for stable equilibria: take the one nearest the hint, or of least energy.
+
+        `told`: how the branch was lost, if there was one.
+        """
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         chord = float(np.linalg.norm(conditions.re))
         if not chord < self._reach:
@@ -280,6 +369,9 @@ class Follower:
             if estimate <= self.tolerance:
                 break
         if best is not None and best[0] < np.inf:
+            if told:
+                twist = "" if hint is None else f", total twist {hint:.3f} -> {best[1].twist:.3f} rad"
+                self._lose(told + twist)
             self._take(best[1], joints)
             return self._finish(Status.CONVERGED, _choice(best[2], found), best[1].iterations, poses, begin)
         return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, time.perf_counter() - begin)
@@ -289,6 +381,7 @@ class Follower:
         begin = time.perf_counter()
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
+        self._standing = Standing()
         if not np.linalg.norm(conditions.re) < self._reach:
             return out
         found: list[Found] = []
@@ -340,13 +433,20 @@ class Follower:
                 return self.failed(Status.NOT_CONVERGED, SINKS, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])
+        if rod.forgot:
+            self._lose("friction was forgotten in a change of the mesh")
+        unit, standing = self._units, self._standing
         if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
             message = FREE
+        if standing.loss is not None:
+            status, message = Status.BRANCH_LOST, standing.loss.message
+        elif standing.snaps and status is Status.CONVERGED:
+            status, message = Status.SNAPPED, standing.story(unit.moment)
+            self._standing = Standing()
         if self._apart < self._diameter:
             message = f"{message} {warning(self._apart, self._diameter)}"
         if self.choice is not None:
             message += self.choice.note
-        unit = self._units
         self._twist = float(rod.totals[4])
         start = poses[0]
         end_wrench, start_wrench, points, orientations = self._reader.read(
@@ -354,9 +454,10 @@ class Follower:
         )
         friction = None if self._obstacles is None else self._obstacles[:, 17]
         return Equilibrium.of(
-            status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
-            end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
-            total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment,
+            status=status, message=message, converged=standing.loss is None, stable=True,
+            stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
+            points=points, orientations=orientations, total_twist=self._twist,
+            energy=float(rod.totals[3]) * unit.moment,
             error_estimate=self._estimate, iterations=iterations,
             solve_time=time.perf_counter() - begin, _tangent=results.tangent(rod, self._q, self._F, unit),
             _touching=results.touching(rod, friction, self._names, start, unit),
@@ -397,6 +498,15 @@ class Follower:
     def failed(self, status: Status, message: str, solve_time: float) -> Equilibrium:
         """A result without numbers."""
         return results.failed(status, message, solve_time, self.polyline_points)
+
+
+def _conditions(rod: Rod) -> Conditions:
+    """What the rod is up against at its last equilibrium."""
+    return Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+
+
+def _touches(rod: Rod) -> bool:
+    return isinstance(rod, TouchingRod) and rod.count > 0
 
 
 def _farthest(a: np.ndarray, b: np.ndarray) -> float:

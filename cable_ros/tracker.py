@@ -140,6 +140,9 @@ class Tracker:
         Args:
             joints: value by joint name, rad or m; others than `joint_names` are ignored.
 
+        The work of a call is bounded: a pose too far away for it comes back as `Status.UNFINISHED`, and the
+        next call goes on from where the cable has got; `arrive` does that.
+
         Never raises for values: what cannot be used comes back as `Status.INVALID_INPUT`, and the next usable
         pose is followed from the last one.
         """
@@ -164,6 +167,25 @@ class Tracker:
             begin = time.perf_counter()
         self._joints = values
         return out
+
+    def arrive(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
+        """As `solve`, called again until no cable is `Status.UNFINISHED`: for work without a deadline."""
+        out = self.solve(joints)
+        # each call gets on by at least a given part of a step, or ends otherwise
+        while any(one.status is Status.UNFINISHED for one in out.values()):
+            out = self.solve(joints)
+        return out
+
+    @property
+    def lost(self) -> dict[str, str]:
+        """By cable: what happened to its branch, for those that are `Status.BRANCH_LOST`."""
+        return {follower.name: follower.lost for follower in self._followers if follower.lost}
+
+    def distrust(self, lost: Mapping[str, str]) -> None:
+        """Take the branches of these cables for lost, as another tracker's `lost` tells."""
+        for follower in self._followers:
+            if follower.name in lost:
+                follower.distrust(lost[follower.name])
 
     def _fault(self, joints: Mapping[str, float]) -> str:
         for name in self.joint_names:

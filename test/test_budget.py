@@ -57,7 +57,8 @@ def test_a_way_that_takes_too_much_is_solved_anew_and_says_so(monkeypatch: pytes
     assert there.status.trusted
     monkeypatch.setattr(follower, "WORK", 0)
     anew = solved(path, scene)[-1]
-    assert anew.status is Status.SNAPPED
+    assert anew.status is Status.BRANCH_LOST
+    assert not anew.converged
     assert "solved anew" in anew.message
     again = solved(path, scene)[-1]
     assert np.array_equal(anew.end_wrench, again.end_wrench)

@@ -101,7 +101,7 @@ ADDITIONS: Mapping[str, Callable[[Cable], Mapping[str, Any]]] = {
 def _ball(scene: Scene, joints: np.ndarray) -> dict[str, Any] | None:
     """A sphere below the middle of the first cable, or beside it where it hangs; None without a shape."""
     tracker = Tracker(scene)
-    found = tracker.solve(dict(zip(tracker.joint_names, joints.tolist(), strict=True)))
+    found = tracker.arrive(dict(zip(tracker.joint_names, joints.tolist(), strict=True)))
     first = next(iter(found.values()))
     if not first.status.trusted:
         return None

@@ -72,11 +72,11 @@ class OurTracker:
 
     def settle(self, pose: Pose) -> None:
         self._tracker.reset()
-        self._tracker.solve(pose.joints)
+        self._tracker.arrive(pose.joints)
 
     def warm(self, pose: Pose) -> Outcome:
         begin = time.perf_counter()
-        equilibria = self._tracker.solve(pose.joints)
+        equilibria = self._tracker.arrive(pose.joints)
         seconds = time.perf_counter() - begin
         wrenches = [e.end_wrench if e.status.trusted else np.full(6, np.nan) for e in equilibria.values()]
         return Outcome(seconds / len(wrenches), np.array(wrenches))

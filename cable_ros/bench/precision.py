@@ -220,7 +220,7 @@ class Bench:
                 ClampedCable(cable.length, cable.stiffness, cable.linear_density * scene.gravity, *clamp)
                 for cable, clamp in zip(scene.cables, clamps, strict=True)
             )
-            equilibria = leader.solve(joints)
+            equilibria = leader.arrive(joints)
             reference = None
             if i in with_reference and all(e.status.trusted for e in equilibria.values()):
                 starts = [from_equilibrium(e, c) for e, c in zip(equilibria.values(), cables, strict=True)]

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from cable_ros.tracker import Tracker
 
     tracker = Tracker(load_scene(args.scene), tolerance=args.tolerance)
-    equilibria = tracker.solve(joint_values(args.joint, tracker.joint_names))
+    equilibria = tracker.arrive(joint_values(args.joint, tracker.joint_names))
     if args.json:
         print(json.dumps({name: as_json(found) for name, found in equilibria.items()}, indent=2))
     else:

@@ -124,7 +124,7 @@ def same_branch(scenes: Sequence[Scene], pose: np.ndarray) -> Iterator[Scene]:
         yield from scenes[1:]
         return
     tracker = Tracker(scenes[0])
-    found = tracker.solve(dict(zip(tracker.joint_names, pose.tolist(), strict=True)))
+    found = tracker.arrive(dict(zip(tracker.joint_names, pose.tolist(), strict=True)))
     for scene in scenes[1:]:
         cables = tuple(
             dataclasses.replace(cable, total_twist=found[cable.name].total_twist)

@@ -27,7 +27,8 @@ STRING = "std_msgs/msg/String"
 
 START = "start"
 """A log begins: `tolerance`, `polyline_points`, `fresh` (whether the tracker has not solved anything yet),
-and `environment` as in ENVIRONMENT where it is not the scene's."""
+`environment` as in ENVIRONMENT where it is not the scene's, and
+`lost` as in `Tracker.lost` if it is not empty."""
 RESET = "reset"
 """`Tracker.reset()` was called."""
 SET = "set"

@@ -138,6 +138,8 @@ def _apply(event: Event, tracker: Tracker, outcome: Outcome, own_environment: bo
         tracker.reset()
     elif event.kind in (START, SET):
         outcome.fresh &= bool(event.values.get("fresh", True))
+        if isinstance(lost := event.values.get("lost"), dict):
+            tracker.distrust(lost)
         for name in ("tolerance", "polyline_points"):
             if name in event.values:
                 setattr(tracker, name, event.values[name])

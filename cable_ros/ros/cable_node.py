@@ -289,6 +289,8 @@ class CableNode(Node):
             }
             if environment := live.environment.values:
                 used["environment"] = environment
+            if lost := tracker.lost:
+                used["lost"] = lost
             self._out.event(events.START, fresh=live.fresh, **used)
 
     # -- parameters and services -------------------------------------------------------------------------

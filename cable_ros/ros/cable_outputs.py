@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 STREAM = QoSProfile(depth=5)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-_LEVELS = {Status.CONVERGED: DiagnosticStatus.OK, Status.SNAPPED: DiagnosticStatus.WARN}
+_LEVELS = {
+    Status.CONVERGED: DiagnosticStatus.OK,
+    Status.SNAPPED: DiagnosticStatus.WARN,
+    Status.UNFINISHED: DiagnosticStatus.WARN,
+}
 
 
 def level(status: Status) -> bytes:

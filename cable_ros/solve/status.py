@@ -10,6 +10,10 @@ class Status(enum.Enum):
 
     CONVERGED = "Converged to a stable equilibrium."
     SNAPPED = "The branch ended at a fold: the cable snapped to another stable equilibrium."
+    BRANCH_LOST = "The branch was lost without a fold: these numbers may be those of another equilibrium."
+    UNFINISHED = (
+        "The way to this pose is long: the solve used up its budget and goes on from here at the next call."
+    )
     UNSTABLE = "Converged to an equilibrium that is not stable; a real cable would not stay there."
     OUT_OF_REACH = "The clamps are farther apart than the cable is long."
     NOT_CONVERGED = "The solver did not converge; the numbers are not to be trusted."

@@ -41,8 +41,10 @@ class Rod:
     """What it may touch: nothing."""
 
     work = np.inf
-    """So many iterations times unknowns may still be spent, among obstacles: results must not depend on the
-    clock."""
+    """Budget that is left of a solve, iterations times unknowns: results must not depend on the clock."""
+
+    forgot = False
+    """Whether friction's history was lost in a descent, which knows nothing of it."""
 
     least = 1e-6
     """A wrench below this, in units of the cable, counts as nothing in a relative error."""

@@ -41,7 +41,7 @@ class TouchingRod(BorderedRod):
             self.density,
         )
         new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
-        new.model, new.sense = self.model, self.sense
+        new.model, new.sense, new.forgot = self.model, self.sense, self.forgot
         new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
         new.points[:, FORCE : HELD + 3] /= scale
         if mesh is not None:
@@ -67,6 +67,7 @@ class TouchingRod(BorderedRod):
             )
             if code == compiled.ADVANCED:
                 return q_new, F_new, iterations
+            self.forgot = self.forgot or self.model == COULOMB
             return descend(self, q, F, options, NEAR)
         return descend(self, q, F, options)
 

@@ -14,9 +14,25 @@ from cable_ros.statics.rod import Rod
 from cable_ros.statics.search import Conditions, Found, settle
 
 SHORTEST = 1e-4
-"""Smallest part of a joint step, in rad of the section that turns most, before the branch counts as ended."""
-MOST_FALLS = 20
-"""A way with more falls than this is none."""
+"""Smallest part of the longest step before the branch counts as ended."""
+BEYOND = 0.02
+"""Part of the longest step below which a step that leads out of reach is not halved further."""
+LEAST = 1e-9
+"""Part of the longest step below which a step is rounding."""
+OVERHEAD = 250
+"""Iterations times unknowns that take as long as a step beside its iterations: kinematics and calls."""
+NEAR = 30.0
+"""Stability margins are noted at failures of steps below this many of the shortest."""
+BACK = (30.0, 10.0, 3.0)
+"""If none was noted before the last equilibrium, its margin is compared with the one this many steps back."""
+SMALL = 0.05
+"""Largest margin of a fold's last equilibrium. Folds of free cables ended at 1e-4 to 0.012, by the root law
+of the margin from the last step's distance; cables away from folds have 0.1 to 1."""
+FOLD = 10.0
+"""A fold is shown if the margin's square, falling as measured, is 0 within this many of the last steps; at
+folds of free cables it was within 0.3 to 1.7."""
+JUMP = 0.05
+"""Rotation of a section, rad, that no step of SHORTEST along a branch makes."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -25,20 +41,36 @@ class End(enum.Enum):
     """How a walk ended."""
 
     ARRIVED = enum.auto()
-    SNAPPED = enum.auto()
+    UNFINISHED = enum.auto()
+    """The rod has no `work` left."""
     BEYOND_REACH = enum.auto()
     STUCK = enum.auto()
 
 
 @dataclass(frozen=True, eq=False)
-class Snap:
-    """A fall from the end of one branch to another, at the part `at` of the path; in units of the cable."""
+class Fall:
+    """A descent from where a branch could not be followed on, at the part `at` of the path; cable units."""
 
     at: float
     energy_before: float
     energy_after: float
     twist_before: float
     twist_after: float
+    jumped: bool
+    """Whether it ended in another shape; if not, the branch goes on there."""
+    touched: bool
+    """Whether the cable touched something before."""
+    margin: float
+    """Stability margin at the last equilibrium before."""
+    to_fold: float
+    """How far ahead of it the margin's square vanishes, in steps; inf if it does not fall. Asked only where
+    the cable jumped."""
+
+    @property
+    def folded(self) -> bool:
+        """Whether the branch ended at a fold: its stability margin ran to 0 there, and the energy fell."""
+        falls = self.energy_after < self.energy_before
+        return self.margin <= SMALL and self.to_fold <= FOLD and falls
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +82,7 @@ class Walk:
     q: np.ndarray
     F: np.ndarray
     iterations: int
-    snaps: tuple[Snap, ...] = ()
+    falls: tuple[Fall, ...] = ()
 
 
 def walk(
@@ -59,51 +91,106 @@ def walk(
 ) -> Walk:  # fmt: skip
     """Follow the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
-    A step is halved until the warm-started solve converges from it. Where even the smallest does not, the
-    cable descends from there to the next stable equilibrium at fixed ends (`fall`). The walk is stuck where
-    the rod has no `work` left.
+    A step is halved until the warm-started solve converges from it. If even the smallest does not, the
+    cable descends from there to the next stable equilibrium at fixed ends (`fall`). The walk is unfinished
+    if the rod has no `work` left; `path` gives end frames whose signs follow the rod's.
     """
-    at, iterations, falls = 0.0, 0, 0
-    snaps: list[Snap] = []
+    at, iterations = 0.0, 0
+    falls: list[Fall] = []
+    margins: list[tuple[float, float]] = []  # parts of the path and stability margins there
+
+    def ended(end: End) -> Walk:
+        return Walk(end, at, q, F, iterations, tuple(falls))
+
     while at < 1.0:
         if rod.work <= 0.0:
-            # what is solved anew is there sooner
             rod.refactor(q, F)
-            return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
+            return ended(End.UNFINISHED)
         target = min(1.0, at + step)
-        conditions = path(target)
+        conditions, left = path(target), rod.work
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
         iterations += count
+        # what touches counts what it spends itself
+        rod.work = min(rod.work, left - count * rod.elastic.shape[0]) - OVERHEAD
         if code == compiled.ADVANCED:
             at, q, F = target, q_new, F_new
             if count <= 3:
                 step = min(2.0 * step, longest)
             continue
-        if np.linalg.norm(conditions.re) >= 1.0 and step < 0.02:
-            return Walk(End.BEYOND_REACH, at, q, F, iterations, tuple(snaps))
+        if np.linalg.norm(conditions.re) >= 1.0 and step < BEYOND * longest:
+            rod.refactor(q, F)
+            return ended(End.BEYOND_REACH)
         if not rod.refactor(q, F):
-            return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
-        if code != compiled.TOO_FAR and step * 0.5 < SHORTEST:
-            falls += 1
-            if falls > MOST_FALLS:
-                return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
-            shape = rod.mesh.interpolate(q, GRID)
-            fallen = fall(rod, q, F, path(min(1.0, at + step)))
+            return ended(End.STUCK)
+        if step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
+            margins.append((at, rod._softest()))
+        if code != compiled.TOO_FAR and step * 0.5 < SHORTEST * longest:
+            fallen = _fallen(rod, q, F, path, step, margins, tolerance)
             if fallen is None:
-                return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
-            found, before, twist = fallen
+                return ended(End.STUCK)
+            found, fell = fallen
+            falls.append(fell)
             iterations += found.iterations
-            at = min(1.0, at + step)
-            if _jumped(shape, rod.mesh.interpolate(found.q, GRID)):
-                snaps.append(Snap(at, before, found.energy, twist, found.twist))
-            q, F = found.q, found.F
+            at, q, F = min(1.0, at + step), found.q, found.F
+            if fell.jumped:
+                margins.clear()  # of another branch
             continue
         step *= 0.5
-        if step < 1e-9:
-            return Walk(End.STUCK, at, q, F, iterations, tuple(snaps))
-    return Walk(End.SNAPPED if snaps else End.ARRIVED, 1.0, q, F, iterations, tuple(snaps))
+        if step < LEAST * longest:
+            return ended(End.STUCK)
+    return ended(End.ARRIVED)
+
+
+def _fallen(
+    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], step: float,
+    margins: list[tuple[float, float]], tolerance: float,
+) -> tuple[Found, Fall] | None:  # fmt: skip
+    """`fall` from the factored equilibrium (q, F) to the end of the step, and what is told of it.
+
+    `margins`: parts of the path and stability margins there, last those of (q, F).
+    """
+    at, margin = margins[-1]
+    touched, left = bool(rod.held().any()), rod.work
+    shape, standing = rod.mesh.interpolate(q, GRID), rod.snapshot()()
+    fallen = fall(rod, q, F, path(min(1.0, at + step)))
+    if fallen is None:
+        return None
+    found, energy, twist = fallen
+    rod.work = min(rod.work, left - found.iterations * rod.elastic.shape[0]) - OVERHEAD
+    jumped, ahead = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), np.inf
+    if jumped:
+        behind = margins[-2:-1] or _behind(standing, q, F, path, at, step, tolerance)
+        ahead = min((_to_fold(at, margin, *one) / step for one in behind), default=np.inf)
+    return found, Fall(at, energy, found.energy, twist, found.twist, jumped, touched, margin, ahead)
+
+
+def _behind(
+    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], at: float, step: float,
+    tolerance: float,
+) -> list[tuple[float, float]]:  # fmt: skip
+    """Where on the path a little before (q, F) there is an equilibrium, and its stability margin."""
+    for many in BACK:
+        if not rod.refactor(q, F):
+            return []
+        back = at - many * step
+        there = path(back)
+        code, _, q_back, F_back = rod.advance(
+            q, F, there.qe, there.re, there.f, tolerance, 0.35, there.obstacles
+        )
+        if code == compiled.ADVANCED and rod.refactor(q_back, F_back):
+            return [(back, rod._softest())]
+    return []
+
+
+def _to_fold(at: float, margin: float, before: float, margin_before: float) -> float:
+    """How far ahead of `at` the margin's square vanishes; inf if it does not fall.
+
+    It is linear in the load near a simple fold, and falls still faster near a symmetric bifurcation.
+    """
+    fall = margin_before**2 - margin**2
+    return (at - before) * margin**2 / fall if fall > 0.0 else np.inf
 
 
 def fall(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> tuple[Found, float, float] | None:
@@ -121,5 +208,5 @@ def fall(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> tupl
 
 
 def _jumped(before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether some section turned by more than a small step ever would: 0.2 rad."""
-    return bool(np.max(1.0 - np.abs(np.sum(before * after, axis=1))) > 0.005)
+    """Whether some section turned by more than JUMP."""
+    return bool(np.abs(np.sum(before * after, axis=1)).min() < np.cos(0.5 * JUMP))
