@@ -47,3 +47,27 @@ def contacts(
             )
         )
     return tuple(sorted(out, key=lambda contact: contact.arc_length))
+
+
+def on_grid(
+    touching: tuple[np.ndarray, ...], names: Sequence[str], start: np.ndarray, units: Units
+) -> tuple[Contact, ...]:
+    """The contacts of a `NodalRod` in the world, by rising arc length, each a point force.
+
+    Args:
+        touching: see `NodalRod.contacts`.
+        names, start, units: as in `contacts`.
+    """
+    turn = Rotation.from_quat(start[3:]).as_matrix()
+    return tuple(
+        Contact(
+            obstacle=names[o],
+            arc_length=float(s) * units.length,
+            position=start[:3] + units.length * turn @ r,
+            normal=turn @ n,
+            force=units.force * turn @ P,
+            length=0.0,
+            sliding=bool(slides),
+        )
+        for s, r, n, P, o, slides in zip(*touching, strict=True)
+    )

@@ -10,6 +10,8 @@ import numpy as np
 
 from cable_ros import results
 from cable_ros.auto_effects import Choice
+from cable_ros.contact import handover
+from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.mechanics.effects.contact import nearest, placed
 from cable_ros.mechanics.effects.effect import Properties
@@ -62,6 +64,11 @@ LONGEST_STRETCH = 1.1
 """A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
 OUTLINE = 101
 """So many points tell how near the cable comes to itself."""
+GRID = 0.05
+"""Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
+COARSE = (
+    "Contact could only be followed on a grid, which leaves an estimated error of {:.1e} in the end wrench."
+)
 SINKS = "The cable could not be kept out of what it touches between the places that hold it."
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
@@ -230,10 +237,7 @@ class Follower:
         assert rod is not None
         assert loss is not None
         touches = _touches(rod)
-        slips = (
-            isinstance(rod, TouchingRod) and touches and bool((rod.points[: rod.count, SLIPS] == 1.0).all())
-        )
-        loss = loss.followed(motion(before, _conditions(rod)), touches and slips, step)
+        loss = loss.followed(motion(before, _conditions(rod)), touches and _slips(rod), step)
         if loss.forgotten or (not touches and loss.due and self._alone(rod)):
             self._standing = Standing()
             return
@@ -280,19 +284,27 @@ class Follower:
         rod = self._rod
         assert rod is not None
         there = self._conditions(kinematics, joints, poses, IDENTITY)
-        if np.linalg.norm(there.re) < self._reach and (barred := self._no_way(there)):
+        if isinstance(rod, NodalRod) and there.obstacles is not None:
+            barred = self._blocked(there.obstacles, there.re)
+        else:
+            barred = self._no_way(there)
+        if np.linalg.norm(there.re) < self._reach and barred:
             # no walk leads anywhere
             return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
-        origin, before = self._joints, _conditions(rod)
+        origin, before, start = self._joints, _conditions(rod), rod
 
         def path(t: float) -> Conditions:
             there = origin + t * (joints - origin)
-            return self._conditions(kinematics, there, kinematics.poses(there)[index], rod.qe)
+            return self._conditions(kinematics, there, kinematics.poses(there)[index], start.qe)
 
         way = float(np.abs(joints - origin).max(initial=0.0))
         longest = self._longest / max(way, self._longest)
-        result = walk(rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, 0.5 * longest, longest)
+        carrier = handover.nodal if isinstance(rod, TouchingRod) and rod.model != SLIDING else None
+        result = walk(
+            rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, 0.5 * longest, longest, carrier
+        )
+        self._rod = rod = result.rod
         # the rod is where the walk ended, maybe on another mesh: what comes next goes on from there
         reached = joints if result.end is End.ARRIVED else origin + result.at * (joints - origin)
         self._q, self._F, self._joints = result.q, result.F, reached
@@ -412,17 +424,32 @@ class Follower:
         """Check the resolution, refine where it has become too coarse, and read off the result."""
         rod = self._rod
         assert rod is not None
-        if rod.drift == 0.0 or not self._estimate <= self.tolerance or rod.rubs_anew():
+        if isinstance(rod, NodalRod):
+            rod = self._exactly(rod)
+        if isinstance(rod, NodalRod):
+            self._estimate, self._margin = rod.relative_error(self._q, self._F), rod.stability_margin()
+            self._apart = self._closest_approach(poses[0])
+            if self._estimate > self._limit:
+                message = COARSE.format(self._estimate)
+                return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
+            if self._estimate > self.tolerance and status is Status.CONVERGED:
+                message = f"{message[:-1]}{ON_GRID.format(self._estimate)}"
+        elif rod.drift == 0.0 or not self._estimate <= self.tolerance or rod.rubs_anew():
             self._estimate = rod.relative_error(self._q, self._F)
             sinks = rod.unresolved(self._q, LENIENT).any()
             if self._estimate > ACCEPT * self.tolerance or sinks:
                 found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
                 fine, self._estimate = refine(found, self.tolerance)
                 iterations += fine.iterations
+                before = rod, self._q, self._F
                 self._take(fine, self._joints)
                 rod = fine.rod
                 sinks = rod.unresolved(self._q, LENIENT).any()
+                if (rod.forgot or sinks or self._estimate > self.tolerance) and self._carried(*before):
+                    return self._finish(status, message, iterations, poses, begin)
             self._estimate = max(self._estimate, rod.friction_error(self._q, self._F))
+            if self._estimate > self.tolerance and self._carried(rod, self._q, self._F):
+                return self._finish(status, message, iterations, poses, begin)
             if self._estimate > self.tolerance:
                 message = (
                     f"The end wrench cannot be had to {self.tolerance:.0e}: its estimated error stays"
@@ -462,6 +489,29 @@ class Follower:
             solve_time=time.perf_counter() - begin, _tangent=results.tangent(rod, self._q, self._F, unit),
             _touching=results.touching(rod, friction, self._names, start, unit),
         )  # fmt: skip
+
+    def _carried(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
+        """Go on with the equilibrium (q, F), whose friction counts, on a uniform grid; whether that is so."""
+        if not isinstance(rod, TouchingRod) or rod.model != COULOMB or not rod.count:
+            return False
+        carried = handover.nodal(rod, q, F)
+        if carried is not None:
+            self._rod, self._q, self._F = carried, carried.shape, carried.end_force
+        return carried is not None
+
+    def _exactly(self, rod: NodalRod) -> Rod:
+        """The equilibrium to the tolerance, if nothing rubs; else the rod as it is."""
+        found = handover.exact(rod, self.tolerance, self._model)
+        if found is None:
+            return rod
+        self._take(found, self._joints)
+        self._estimate = np.inf
+        return found.rod
+
+    @property
+    def _limit(self) -> float:
+        """Largest error on a grid of contacts that is published."""
+        return max(self.tolerance, GRID if self._model == COULOMB else 0.0)
 
     def _closest_approach(self, start: np.ndarray) -> float:
         """How near the cable comes to itself, m; `start` (7,): its start clamp."""
@@ -506,7 +556,13 @@ def _conditions(rod: Rod) -> Conditions:
 
 
 def _touches(rod: Rod) -> bool:
-    return isinstance(rod, TouchingRod) and rod.count > 0
+    return (isinstance(rod, TouchingRod) and rod.count > 0) or (isinstance(rod, NodalRod) and rod.touches)
+
+
+def _slips(rod: Rod) -> bool:
+    if isinstance(rod, NodalRod):
+        return bool(rod.sliding()[rod.state.lam > 0.0].all())
+    return isinstance(rod, TouchingRod) and bool((rod.points[: rod.count, SLIPS] == 1.0).all())
 
 
 def _farthest(a: np.ndarray, b: np.ndarray) -> float:

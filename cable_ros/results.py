@@ -7,7 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from cable_ros.contacts import contacts
+from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contacts import contacts, on_grid
 from cable_ros.equilibrium import Contact, Equilibrium
 from cable_ros.mechanics.elements import Mesh, Sampling, integrals, sampling
 from cable_ros.solve.status import Status
@@ -81,6 +82,8 @@ def touching(
         names: of the obstacles.
         start: (7,) the start clamp in the world, m, quaternion x y z w.
     """
+    if isinstance(rod, NodalRod) and friction is not None:
+        return partial(on_grid, rod.contacts(), names, start.copy(), unit) if rod.touches else None
     if not isinstance(rod, TouchingRod) or not rod.count or friction is None:
         return None
     coefficients = friction if rod.model != FRICTIONLESS else np.zeros(len(friction))

@@ -43,6 +43,12 @@ class Rod:
     work = np.inf
     """Budget that is left of a solve, iterations times unknowns: results must not depend on the clock."""
 
+    few = 3
+    """Iterations of a step after which the next one may be longer."""
+
+    remembers = False
+    """Whether falls keep friction's history."""
+
     forgot = False
     """Whether friction's history was lost in a descent, which knows nothing of it."""
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.rod import Rod
@@ -17,6 +18,8 @@ SHORTEST = 1e-4
 """Smallest part of the longest step before the branch counts as ended."""
 BEYOND = 0.02
 """Part of the longest step below which a step that leads out of reach is not halved further."""
+CARRY = 0.05
+"""Part of the longest step below which a rod that fails is replaced."""
 LEAST = 1e-9
 """Part of the longest step below which a step is rounding."""
 OVERHEAD = 250
@@ -59,7 +62,7 @@ class Fall:
     jumped: bool
     """Whether it ended in another shape; if not, the branch goes on there."""
     touched: bool
-    """Whether the cable touched something before."""
+    """Whether the cable touched something before, and friction was forgotten."""
     margin: float
     """Stability margin at the last equilibrium before."""
     to_fold: float
@@ -82,25 +85,29 @@ class Walk:
     q: np.ndarray
     F: np.ndarray
     iterations: int
-    falls: tuple[Fall, ...] = ()
+    falls: tuple[Fall, ...]
+    rod: Rod
+    """The rod that got there: the first one, or its `carrier`."""
 
 
 def walk(
     rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], tolerance: float,
     step: float = 0.25, longest: float = 1.0,
+    carrier: Callable[[Rod, np.ndarray, np.ndarray], NodalRod | None] | None = None,
 ) -> Walk:  # fmt: skip
     """Follow the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
     A step is halved until the warm-started solve converges from it. If even the smallest does not, the
     cable descends from there to the next stable equilibrium at fixed ends (`fall`). The walk is unfinished
-    if the rod has no `work` left; `path` gives end frames whose signs follow the rod's.
+    if the rod has no `work` left; `path` gives end frames whose signs follow the rod's. A rod that fails is
+    replaced by its `carrier`, if it has one, before steps become tiny.
     """
     at, iterations = 0.0, 0
     falls: list[Fall] = []
     margins: list[tuple[float, float]] = []  # parts of the path and stability margins there
 
     def ended(end: End) -> Walk:
-        return Walk(end, at, q, F, iterations, tuple(falls))
+        return Walk(end, at, q, F, iterations, tuple(falls), rod)
 
     while at < 1.0:
         if rod.work <= 0.0:
@@ -116,12 +123,18 @@ def walk(
         rod.work = min(rod.work, left - count * rod.elastic.shape[0]) - OVERHEAD
         if code == compiled.ADVANCED:
             at, q, F = target, q_new, F_new
-            if count <= 3:
+            if count <= rod.few:
                 step = min(2.0 * step, longest)
             continue
         if np.linalg.norm(conditions.re) >= 1.0 and step < BEYOND * longest:
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
+        if carrier is not None and (step * 0.5 < CARRY * longest or not rod.refactor(q, F)):
+            carried, carrier = carrier(rod, q, F), None
+            if carried is not None:
+                rod, q, F = carried, carried.shape, carried.end_force
+                step = longest
+                continue
         if not rod.refactor(q, F):
             return ended(End.STUCK)
         if step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
@@ -152,7 +165,7 @@ def _fallen(
     `margins`: parts of the path and stability margins there, last those of (q, F).
     """
     at, margin = margins[-1]
-    touched, left = bool(rod.held().any()), rod.work
+    touched, left = bool(rod.held().any()) and not rod.remembers, rod.work
     shape, standing = rod.mesh.interpolate(q, GRID), rod.snapshot()()
     fallen = fall(rod, q, F, path(min(1.0, at + step)))
     if fallen is None:

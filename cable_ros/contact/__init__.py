@@ -1,0 +1,1 @@
+"""Contact at material points: the formulation that carries a step and keeps friction's history."""

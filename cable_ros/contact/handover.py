@@ -1,0 +1,72 @@
+"""From one formulation of contact to the other: `TouchingRod` is exact, `NodalRod` is robust."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.contact.nodal_rod import NodalRod, places_for
+from cable_ros.mechanics.elements import Mesh
+from cable_ros.solve.trust_region import Options
+from cable_ros.statics.descent import NEAR, descend
+from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS
+from cable_ros.statics.rod import Rod
+from cable_ros.statics.search import Conditions, Found, first_mesh, refine
+from cable_ros.statics.touch_points import FORCE, FRICTION, OBSTACLE, PLACE
+from cable_ros.statics.touching import TouchingRod
+from cable_ros.statics.units import relative_change
+
+ALIKE = 0.05
+"""Relative difference of two end wrenches below which both formulations show the same equilibrium."""
+TURNED = 0.1
+"""Rotation of a section, rad, below which they do."""
+SETTLE = Options(
+    radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
+)
+"""For a descent to the equilibrium beside a shape."""
+GRID = np.linspace(0.0, 1.0, 33)
+"""Where shapes are compared."""
+
+
+def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
+    """The equilibrium (q, F) with its friction on a uniform grid of contacts; None if that fails."""
+    if not isinstance(rod, TouchingRod) or rod.obstacles is None:
+        return None
+    points = rod.points[: rod.count]
+    forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
+    force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.held()))
+    new = NodalRod(rod.K, rod.natural, rod.obstacles, places_for(float(force)), rod.model == COULOMB)
+    new.work = rod.work
+    adopted = new.adopt(rod, q, F, points[:, PLACE], forces, points[:, OBSTACLE].astype(int))
+    return new if adopted else None
+
+
+def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
+    """The equilibrium of a nodal rod without friction, to the tolerance; None if none is found beside it."""
+    if model != FRICTIONLESS and rod.touches:
+        return None
+    assert rod.obstacles is not None
+    conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    mesh: Mesh = first_mesh(conditions, float(rod.totals[4]), tolerance)
+    new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
+    new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    new.work = rod.work
+    q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
+    q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
+    result = descend(new, q, rod.state.F[-1], SETTLE, NEAR)
+    if result is None:
+        return None
+    found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
+    found, estimate = refine(found, tolerance)
+    if estimate > tolerance or not _same(rod, found):
+        return None
+    return found
+
+
+def _same(rod: NodalRod, found: Found) -> bool:
+    a = rod.mesh.interpolate(rod.state.q, GRID)
+    b = found.rod.mesh.interpolate(found.q, GRID)
+    if np.abs(np.sum(a * b, axis=1)).min() < np.cos(0.5 * TURNED):
+        return False
+    mine = np.concatenate((rod.state.F[-1], rod.g[-1]))
+    theirs = np.concatenate((found.F, found.rod.g[-1]))
+    return float(relative_change(mine - theirs, theirs, rod.least)) < ALIKE

@@ -1,0 +1,182 @@
+"""Compiled: equilibrium, contact and Coulomb friction of a rod whose contacts sit at fixed material points.
+
+The rod of `mechanics.kernels` with its positions and internal forces as unknowns beside its frames, so that
+everything about a place of the cable stands together and the tangent is a band:
+
+    g(q, F) = 0                               moments, the gradient of the Lagrangian by the frames
+    F[k - 1] - F[k] - P[k] - f c = 0          forces at the boundary k of two elements, the middle of a cell c
+    r[k + 1] - r[k] - integral t ds = 0       the way that the tangents go
+
+The weight f c of each cell acts where its contact does, so that what lies on a plane lies flat. With
+P = lambda n + tau1 d1 + tau2 d2 the force of an obstacle at a boundary, contact and friction are the
+projections of Alart and Curnier (1991), solved with all else by Newton's method:
+
+    lambda = max(0, lambda - rho (phi + c lambda)),    tau = T min(1, mu max(0, ...) / |T|),
+    T = tau - rho (u + c (tau - tau0))
+
+with the gap phi, the tangential motion u over the obstacle since the last equilibrium, the friction tau0
+there, and a compliance c so small that it only tells redundant forces apart. Units of the cable, start
+clamp's frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import LEAF, njit
+from cable_ros.mechanics import quaternion
+from cable_ros.mechanics.effects.contact_kernels import across, gap
+from cable_ros.mechanics.elements import LANES
+from cable_ros.mechanics.kernels import gradient
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+FRICTION = 17
+"""Column of an obstacle that holds its coefficient of friction, see `contact_kernels.WIDTH`."""
+COMPLIANCE = 1e-8
+"""L^3 / EI: what sticks gives way by so much per force."""
+YIELD = 1e-14
+"""L^3 / EI: an obstacle's surface does. Beside it a clamp bears the weight of a length of its fourth root."""
+OPEN, STICK, SLIP = 0, 1, 2
+WEIGHTLESS = np.zeros(3)
+TURNING = 1e-3
+"""Drag on rotations over that on positions, L^2: little, only against spinning freely."""
+
+
+@njit(**OPTIONS)
+def carry_history(r, frames, old, new, carried, turned):
+    """Where places r (m, 3) and directions `frames` (m, o, 3) would be, had they gone with each obstacle."""
+    y = np.empty(3)
+    for o in range(old.shape[0]):
+        a, b = old[o], new[o]
+        for k in range(r.shape[0]):
+            for i in range(3):
+                y[i] = 0.0
+                for j in range(3):
+                    y[i] += a[4 + 3 * j + i] * (r[k, j] - a[1 + j])
+            for i in range(3):
+                v = b[1 + i]
+                for j in range(3):
+                    v += b[4 + 3 * i + j] * y[j]
+                carried[k, o, i] = v
+            for i in range(3):
+                y[i] = 0.0
+                for j in range(3):
+                    y[i] += a[4 + 3 * j + i] * frames[k, o, j]
+            for i in range(3):
+                v = 0.0
+                for j in range(3):
+                    v += b[4 + 3 * i + j] * y[j]
+                turned[k, o, i] = v
+
+
+@njit(**LEAF)
+def tangent_frame(n, reference, d):
+    """d (2, 3): unit vectors across n, the first along what is left of `reference` across n."""
+    along = reference[0] * n[0] + reference[1] * n[1] + reference[2] * n[2]
+    size = 0.0
+    for a in range(3):
+        d[0, a] = reference[a] - along * n[a]
+        size += d[0, a] * d[0, a]
+    if size < 1e-12:
+        across(n, d)
+        return
+    size = np.sqrt(size)
+    for a in range(3):
+        d[0, a] /= size
+    d[1, 0] = n[1] * d[0, 2] - n[2] * d[0, 1]
+    d[1, 1] = n[2] * d[0, 0] - n[0] * d[0, 2]
+    d[1, 2] = n[0] * d[0, 1] - n[1] * d[0, 0]
+
+
+@njit(**LEAF)
+def project(lam, tau, tau0, phi, u, mu, scales, out):
+    """State of a contact, its trial friction T (2) and the radius of its cone; `out` (3,): its residuals.
+
+    `lam`, `tau` (2,), `tau0` (2,): forces now and before; `phi`, `u` (2,): gap and tangential motion;
+    `scales`: normal, tangential and the compliance of stick, see `Step`.
+    """
+    rho, grip, give = scales
+    push = lam - rho * (phi + YIELD * lam)
+    if push <= 0.0:
+        out[0], out[1], out[2] = lam, tau[0], tau[1]
+        return OPEN, 0.0, 0.0, 0.0
+    out[0] = lam - push
+    if mu == 0.0:
+        out[1], out[2] = tau[0], tau[1]
+        return SLIP, 0.0, 0.0, 0.0
+    t0 = tau[0] - grip * (u[0] + give * (tau[0] - tau0[0]))
+    t1 = tau[1] - grip * (u[1] + give * (tau[1] - tau0[1]))
+    size = np.sqrt(t0 * t0 + t1 * t1)
+    radius = mu * push
+    if size <= radius:
+        out[1], out[2] = tau[0] - t0, tau[1] - t1
+        return STICK, t0, t1, radius
+    out[1], out[2] = tau[0] - radius * t0 / size, tau[1] - radius * t1 / size
+    return SLIP, t0, t1, radius
+
+
+@njit(**LEAF)
+def slid(r, carried, d, u):
+    """u (2,): motion over the obstacle along the directions d (2, 3)."""
+    for i in range(2):
+        u[i] = d[i, 0] * (r[0] - carried[0]) + d[i, 1] * (r[1] - carried[1]) + d[i, 2] * (r[2] - carried[2])
+
+
+@njit(**OPTIONS)
+def residuals(state, model, step, work):
+    """Residuals of all equations at the state, see `Work`."""
+    q, r, F = state.q, state.r, state.F
+    h, tables = model.h, model.tables
+    elements = h.shape[0]
+    work.acc[:] = 0.0
+    gradient(
+        q, F, WEIGHTLESS, model.K, model.natural, h, model.s0, tables, work.lanes, work.acc, work.g,
+        work.radial, work.totals,
+    )  # fmt: skip
+    blocks = (work.lanes.shape[0] - 1) // elements
+    weights = tables[5]
+    for e in range(elements):
+        for a in range(3):
+            v = 0.0
+            for k in range(weights.shape[0]):  # the tangents stand in the lanes' rows 8 to 10
+                v += weights[k] * work.lanes[e * blocks + k // LANES, (8 + a) * LANES + k % LANES]
+            work.way[e, a] = r[e + 1, a] - r[e, a] - h[e] * v
+    cell = 1.0 / (elements - 1)
+    for k in range(1, elements):
+        for a in range(3):
+            work.balance[k, a] = F[k - 1, a] - F[k, a] - cell * step.f[a]
+    if step.drag > 0.0:
+        for k in range(1, elements):
+            for a in range(3):
+                work.balance[k, a] += step.drag * cell * (r[k, a] - step.r[k, a])
+        for i in range(1, q.shape[0] - 1):
+            back = step.q[i, 0], -step.q[i, 1], -step.q[i, 2], -step.q[i, 3]
+            theta = quaternion.turn(quaternion.product(back, q[i]))
+            for a in range(3):
+                work.g[i, a] += TURNING * step.drag * cell * theta[a]
+    press(state, step, work)
+
+
+@njit(**OPTIONS)
+def press(state, step, work):
+    """The contacts' part of `residuals`."""
+    r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
+    n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    scales = step.normal, step.tangential, step.give
+    for k in range(1, r.shape[0] - 1):
+        for o in range(obstacles.shape[0]):
+            phi = gap(obstacles[o], r[k], n, directions, bends)
+            push = lam[k, o] - step.normal * (phi + YIELD * lam[k, o])
+            work.kinds[k, o] = OPEN
+            work.near[k, o] = push > 0.0 or lam[k, o] != 0.0
+            if not work.near[k, o]:
+                continue
+            tangent_frame(n, step.turned[k, o], d)
+            slid(r[k], step.carried[k, o], d, u)
+            mu = obstacles[o, FRICTION]
+            work.kinds[k, o], _, _, _ = project(lam[k, o], tau[k, o], step.tau[k, o], phi, u, mu, scales, out)
+            for a in range(3):
+                work.contact[k, o, a] = out[a]
+                work.balance[k, a] -= lam[k, o] * n[a] + tau[k, o, 0] * d[0, a] + tau[k, o, 1] * d[1, a]

@@ -1,0 +1,416 @@
+"""A cable whose contacts sit at fixed material points: robust, and it keeps friction's history.
+
+`TouchingRod` places contacts at any arc length and adapts its mesh to them: exact, but it can lose its way
+where many contacts change at once. This rod has a uniform mesh and looks for contact in the middles of equal
+cells only. It carries a step that the other cannot, to an accuracy that the grid limits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.contact.nodal_kernels import (
+    COMPLIANCE,
+    FRICTION,
+    OPEN,
+    SLIP,
+    carry_history,
+    residuals,
+)
+from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
+from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
+from cable_ros.contact.nodal_tangent import jacobian
+from cable_ros.linalg.band_lu import band_factor, band_solve
+from cable_ros.mechanics.effects.contact_kernels import across, gap
+from cable_ros.mechanics.elements import Mesh, reference_element
+from cable_ros.solve import banded
+from cable_ros.solve.trust_region import Options
+from cable_ros.statics import compiled
+from cable_ros.statics.rod import Rod
+from cable_ros.statics.units import relative_change
+
+FEWEST, MOST = 64, 192
+"""Number of places where it may touch; half as many for the twin that tells the error."""
+LAYER = 8.0
+"""Number of them along the length (EI / F)^1/2 over which a cable bends under its force F."""
+NORMAL, TANGENTIAL = 1e4, 1e6
+"""Scales of the projections of normal force and friction, EI / L^3."""
+SOFT = 1e-4
+"""Compliance of stick, L^3 / EI, at which a solve that failed is tried again first."""
+SEED = 1e-3
+"""Compliance of stick while an equilibrium of another rod is taken over: its friction hardly changes."""
+FARTHEST = 0.02
+"""Largest motion of clamps and obstacles in one step, lengths or rad: friction follows the path in steps."""
+TOLERANCE = 1e-8
+"""Of Newton's method: rotations, positions, relative forces."""
+ROUGH = 1e-3
+"""Of a solve that only leads to the next."""
+MARGIN_ITERATIONS = 12
+DRAG, FREE, STIFFEST = 1e4, 1e-2, 1e7
+"""Drag in a fall, EI / L^4: at first, below which it counts as none, and the most."""
+CALM = 0.003
+"""Motion in a step of a fall, lengths, below which the drag is reduced tenfold."""
+DRAGS = 80
+"""Maximum number of steps of a fall."""
+
+
+def cells(count: int) -> Mesh:
+    """The mesh whose inner boundaries are the middles of `count` equal cells.
+
+    Each contact stands for one cell. With a contact at the ends of cells the clamps would bear half of one.
+    """
+    lengths = np.full(count + 1, 1.0 / count)
+    lengths[[0, -1]] *= 0.5
+    return Mesh(reference_element(ORDER), lengths)
+
+
+def places_for(force: float) -> int:
+    """Number of places that a cable wants whose internal force, EI / L^2, is at most `force`."""
+    return int(np.clip(32 * np.ceil(LAYER / 32 * np.sqrt(force)), FEWEST, MOST))
+
+
+class NodalRod(Rod):
+    """A rod in units of the cable whose contacts sit at the inner boundaries of its elements.
+
+    Args:
+        stiffness, natural: as in `Rod`.
+        obstacles: (o, WIDTH) that it may touch.
+        places: number of places where it may touch, each in the middle of a cell; see `places_for`.
+        coulomb: whether obstacles rub.
+    """
+
+    few = 25
+    remembers = True
+
+    def __init__(
+        self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
+        places: int = FEWEST, coulomb: bool = True,
+    ) -> None:  # fmt: skip
+        self.cells = places
+        super().__init__(cells(self.cells), stiffness, natural)
+        self.coulomb = coulomb
+        elements, count = len(self.h), len(obstacles)
+        self.state, self.before = State.zeros(elements, count), State.zeros(elements, count)
+        self._trial = State.zeros(elements, count)
+        self.obstacles, self._under = obstacles, obstacles  # asked for, and at the last equilibrium
+        self.twin: NodalRod | None = None
+        self._estimate, self._floor = np.inf, 0.0
+        self._size = 0, 0
+        self.frames = np.zeros((elements + 1, count, 3))
+        self.frames[..., 0] = 1.0
+        self._step: Step | None = None
+        self._moved = False  # whether `before` is the equilibrium before the last
+        self._model = Model(self.K, self.natural, self.h, self.s0, self.tables)
+        self._work = workplace(self.g, self.radial, self.acc, self.totals, self.h, self.tables, count)
+        self._tangents = Tangents(self.elastic, self.geometric, self.parts, self.C)
+        self._rows, self._band = spaces(self.h, self.tables, count)
+
+    @property
+    def shape(self) -> np.ndarray:
+        """(n, 4) frames of the last equilibrium."""
+        return self.state.q.copy()
+
+    @property
+    def end_force(self) -> np.ndarray:
+        """(3,) its end force."""
+        return self.state.F[-1].copy()
+
+    @property
+    def touches(self) -> bool:
+        """Whether it presses on anything."""
+        return bool(self.state.lam.any())
+
+    def set_conditions(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
+    ) -> None:
+        super().set_conditions(qe, re, f)
+        if obstacles is not None:
+            self.obstacles = obstacles
+
+    def held(self) -> np.ndarray:
+        return self.contact_forces().sum(axis=(0, 1))
+
+    def contact_forces(self) -> np.ndarray:
+        """(m + 1, o, 3): force of each obstacle on the cable at each boundary."""
+        out = np.zeros((*self.state.lam.shape, 3))
+        for k, o in zip(*np.nonzero(self.state.lam), strict=True):
+            n, d = self.contact_frame(k, o)
+            out[k, o] = self.state.lam[k, o] * n + self.state.tau[k, o] @ d
+        return out
+
+    def contact_frame(self, k: int, o: int) -> tuple[np.ndarray, np.ndarray]:
+        """Normal (3,) and the two directions (2, 3) across it at boundary k on obstacle o."""
+        n, d, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+        gap(self._under[o], self.state.r[k], n, d, bends)
+        along = self.frames[k, o] - (self.frames[k, o] @ n) * n
+        size = np.linalg.norm(along)
+        if size < 1e-6:
+            across(n, d)
+            return n, d
+        return n, np.array([along / size, np.cross(n, along / size)])
+
+    def sliding(self) -> np.ndarray:
+        """(m + 1, o): which contacts slide."""
+        return (self._work.kinds == SLIP) & (self.state.lam > 0.0)
+
+    def contacts(self) -> tuple[np.ndarray, ...]:
+        """Arc lengths (c,), positions, normals and forces (c, 3), obstacles and whether they slide (c,)."""
+        at = np.nonzero(self.state.lam)
+        normals = np.array([self.contact_frame(k, o)[0] for k, o in zip(*at, strict=True)]).reshape(-1, 3)
+        places = np.append(self.s0, 1.0)[at[0]]
+        return places, self.state.r[at[0]], normals, self.contact_forces()[at], at[1], self.sliding()[at]
+
+    # steps
+
+    def advance(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+        tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        """One step from the last equilibrium, which (q, F) must be; see `compiled.advance`."""
+        assert obstacles is not None
+        if self._far(qe, re, obstacles) > FARTHEST:
+            return compiled.TOO_FAR, 0, q, F
+        kept = self.state.copy()
+        code, iterations = self._solve(qe, re, f, obstacles, 0.0)
+        self.work -= iterations * len(self.elastic)
+        if code != CONVERGED:
+            return compiled.NOT_CONTRACTING, iterations, q, F
+        self.before.take(kept)
+        self._moved = True
+        iterations += self._advance_twin(qe, re, f, obstacles)
+        return compiled.ADVANCED, iterations, self.state.q.copy(), self.state.F[-1].copy()
+
+    def _advance_twin(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray) -> int:
+        """Let the twin make the same step; if it cannot, it starts again from this rod's equilibrium."""
+        twin = self.twin
+        if twin is None:
+            return 0
+        code, iterations, _, _ = twin.advance(twin.state.q, twin.state.F[-1], qe, re, f, 0.0, 0.6, obstacles)
+        if code != compiled.ADVANCED:
+            self._floor = self._estimate
+            self.pair()
+        return iterations
+
+    def _far(self, qe: np.ndarray, re: np.ndarray, obstacles: np.ndarray) -> float:
+        """How far clamps and obstacles go, lengths or rad."""
+        turned = 2.0 * min(np.abs(self.qe - qe).max(), np.abs(self.qe + qe).max())
+        gone = np.abs(obstacles[:, 1:13] - self._under[:, 1:13]).max()
+        return max(float(np.abs(re - self.re).max()), float(turned), float(gone))
+
+    def _solve(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, drag: float,
+        give: float = COMPLIANCE,
+    ) -> tuple[int, int]:  # fmt: skip
+        """Newton's method from the last equilibrium; on failure the state is what it was."""
+        state, kept = self.state, self.state.copy()
+        if not self.coulomb:
+            obstacles = obstacles.copy()
+            obstacles[:, FRICTION] = 0.0
+        carried, turned = np.empty((*state.lam.shape, 3)), np.empty((*state.lam.shape, 3))
+        carry_history(state.r, self.frames, self._under, obstacles, carried, turned)
+        qe = qe if state.q[-1] @ qe > 0.0 else -qe
+        spent = 0
+        stiff = NORMAL, TANGENTIAL, give
+        soft = NORMAL, 1.0 / SOFT, SOFT
+        for ahead, stages in ((True, (stiff,)), (False, (stiff,)), (False, (soft, stiff))):
+            if ahead and not (self._moved and extrapolate(state, self.before, re, drag)):
+                continue
+            code = CONVERGED
+            for scales in stages:
+                step = Step(qe, re, f, obstacles, carried, turned, kept.tau, kept.q, kept.r, drag, *scales)
+                code, count = newton(
+                    state, self._model, step, self._work, self._tangents, self._rows, self._band,
+                    self._trial, TOLERANCE if scales is stiff else ROUGH,
+                )  # fmt: skip
+                spent += count
+                if code != CONVERGED:
+                    break
+            if code == CONVERGED:
+                self._step = step
+                self._settle(qe, re, f, obstacles, turned)
+                return code, spent
+            state.take(kept)
+        return code, spent
+
+    def _settle(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, turned: np.ndarray
+    ) -> None:
+        self.set_conditions(qe, re, f)
+        self.obstacles = self._under = obstacles
+        self.frames = turned
+        kinds, state = self._work.kinds, self.state
+        state.lam[kinds == OPEN] = 0.0
+        state.tau[kinds == OPEN] = 0.0
+        # the directions across go along with the normal from here on
+        for k, o in zip(*np.nonzero(state.lam), strict=True):
+            self.frames[k, o] = self.contact_frame(k, o)[1][0]
+        self.totals[3] -= float(f @ state.r[1:-1].sum(axis=0)) / self.cells
+        self.drift, self.age = 0.0, 0.0
+
+    # equilibria of other rods
+
+    def adopt(self, rod: Rod, q: np.ndarray, F: np.ndarray, places: np.ndarray, forces: np.ndarray,
+              obstacles: np.ndarray, pair: bool = True) -> bool:  # fmt: skip
+        """Take over another rod's equilibrium (q, F) with its friction; whether that succeeded.
+
+        Args:
+            rod: among the same obstacles, see `set_conditions`.
+            places, forces, obstacles: of its contacts: arc lengths (c,), forces on the cable (c, 3) and which
+                obstacles (c,).
+            pair: whether to have a twin.
+        """
+        assert rod.obstacles is not None
+        state, m = self.state, len(self.h)
+        fresh = rod.mesh.interpolate(q, self.mesh.nodes)
+        fresh[0], fresh[-1] = q[0], q[-1]
+        # neighbours on one side of the sphere of unit quaternions
+        signs = np.cumprod(np.sign(np.concatenate(([1.0], np.sum(fresh[1:] * fresh[:-1], axis=1)))))
+        state.q[:] = fresh * signs[:, None]
+        tangents = quaternion_tangents(rod.mesh.interpolate(q, self._gauss_places().ravel()))
+        ways = self.h[:, None] * np.einsum("g,mga->ma", self.tables[5], tangents.reshape(m, -1, 3))
+        state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(ways, axis=0)))
+        middles = self.s0 + 0.5 * self.h
+        for e in range(m):
+            state.F[e] = F + forces[places > middles[e]].sum(axis=0) + rod.f * (m - 1 - e) / self.cells
+        state.lam[:], state.tau[:] = 0.0, 0.0
+        self.obstacles, self._under, self._moved = rod.obstacles, rod.obstacles, False
+        self.frames[:] = [1.0, 0.0, 0.0]
+        for s, force, o in zip(places, forces, obstacles, strict=True):
+            at = np.clip(s * self.cells + 0.5, 1.0, m - 1.0)
+            low = min(int(at), m - 2)
+            for k, share in ((low, low + 1 - at), (low + 1, at - low)):
+                if share > 0.0:
+                    n, d = self.contact_frame(k, int(o))
+                    self.frames[k, o] = d[0]
+                    state.lam[k, o] += share * max(force @ n, 0.0)
+                    state.tau[k, o] += share * (d @ force)
+        self.set_conditions(rod.qe, rod.re, rod.f)
+        if self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, SEED)[0] != CONVERGED:
+            return False
+        if pair:
+            self.pair()
+        return True
+
+    def pair(self) -> None:
+        """Have a twin of half as many cells, whose end wrench tells how much the grid matters."""
+        twin = NodalRod(self.K, self.natural, self._under, self.cells // 2, self.coulomb)
+        places, _, _, forces, obstacles, _ = self.contacts()
+        found = twin.adopt(self, self.state.q, self.state.F[-1], places, forces, obstacles, False)
+        self.twin = twin if found else None
+
+    def variant(
+        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
+        natural: np.ndarray | None = None, scale: float = 1.0,
+    ) -> NodalRod:  # fmt: skip
+        """As `Rod.variant`, at the same equilibrium; the mesh stays."""
+        new = NodalRod(
+            self.K if stiffness is None else stiffness,
+            self.natural if natural is None else natural,
+            self._under, self.cells, self.coulomb,
+        )  # fmt: skip
+        new.state.take(self.state)
+        for part in new.state[2:]:
+            part /= scale
+        new.frames = self.frames.copy()
+        new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
+        new.twin = None if self.twin is None else self.twin.variant(None, stiffness, natural, scale)
+        return new
+
+    def _gauss_places(self) -> np.ndarray:
+        """(m, g) arc lengths of the quadrature points."""
+        return np.asarray(self.s0[:, None] + self.h[:, None] * self.tables[4])
+
+    # falls
+
+    def minimum(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """Where the cable comes to rest under the conditions set, dragged back by a viscous medium.
+
+        Implicit Euler steps of that flow: friction follows the path, and what is not stable is left behind.
+        """
+        assert self.obstacles is not None
+        kept, frames, under = self.state.copy(), self.frames, self._under
+        conditions = self.qe, self.re, self.f, self.obstacles
+        drag, spent = DRAG, 0
+        self._moved = False
+        for _ in range(DRAGS):
+            before = self.state.r.copy()
+            code, count = self._solve(*conditions, drag)
+            spent += count
+            if code == CONVERGED and drag == 0.0:
+                return self.state.q.copy(), self.state.F[-1].copy(), spent
+            if code == CONVERGED:
+                gone = float(np.abs(self.state.r - before).max())
+                drag *= 0.1 if gone < CALM else 0.5 if gone < 10.0 * CALM else 1.0
+                drag = 0.0 if drag < FREE else drag
+            elif drag == 0.0:
+                drag = 10.0 * FREE
+            elif drag < STIFFEST:
+                drag *= 5.0
+            else:
+                break
+        self.state.take(kept)
+        self.frames, self._under = frames, under
+        return None
+
+    # what a solution says
+
+    def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Energy at the last equilibrium, which (x, y) must be, and that all residuals vanish."""
+        return float(self.totals[3]), np.zeros(3), np.zeros(self.g.size)
+
+    def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
+        """Set up and factor the tangent at the last equilibrium, for the step that led there."""
+        state = self.state
+        step = self._step or Step(
+            state.q[-1], state.r[-1], self.f, self._under, np.repeat(state.r[:, None], state.lam.shape[1], 1),
+            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL, COMPLIANCE,
+        )  # fmt: skip
+        residuals(state, self._model, step, self._work)
+        self._size = jacobian(
+            state, self._model, step, self._work, self._tangents, self._rows, self._band.a, self._band.b
+        )
+        self.drift = 0.0
+        return bool(band_factor(self._band.a, *self._size, self._band.pivots))
+
+    def _softest(self) -> float:
+        """As `Rod.stability_margin`, of the tangent as contacts and friction are, by inverse iteration."""
+        if not self.refactor(self.state.q, self.state.F[-1]):
+            return 0.0
+        total, low = self._size
+        rows = (self._rows.psi[1:-1, None] + np.arange(3)).ravel()
+        v, y = self.waves().copy(), np.empty(len(self.mode))
+        right, out = np.zeros(total), 0.0
+        for _ in range(MARGIN_ITERATIONS):
+            banded.multiply(self.elastic, v, y)
+            right[:] = 0.0
+            right[rows] = y[3:-3]
+            band_solve(self._band.a, total, low, self._band.pivots, right)
+            v[3:-3] = right[rows]
+            size = v @ y
+            banded.multiply(self.elastic, v, y)
+            energy = v @ y
+            if not energy > 0.0:
+                return 0.0
+            out = size / energy
+            v /= np.sqrt(energy)
+        return float(out)
+
+    def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
+        """Difference of its end wrench from that of its twin, of half as many cells, relative."""
+        if self.twin is None:
+            return self._estimate
+        mine = np.concatenate((self.state.F[-1], self.g[-1]))
+        other = np.concatenate((self.twin.state.F[-1], self.twin.g[-1]))
+        self._estimate = max(float(relative_change(mine - other, mine, self.least)), self._floor)
+        return self._estimate
+
+    def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        return np.full((12, 12), np.nan)
+
+
+def quaternion_tangents(q: np.ndarray) -> np.ndarray:
+    """(n, 3): third columns of the frames q (n, 4), scalar first."""
+    w, x, y, z = q.T
+    return np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w - x * x - y * y + z * z), axis=1)
