@@ -47,10 +47,10 @@ AMONG_OBSTACLES = 0.1
 """The same where there are obstacles: what is touched on the way decides where the cable ends up."""
 PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
-FREE_WORK = 150_000
-"""Budget of one solve without obstacles, iterations times unknowns: about 50 ms."""
-WORK = 150_000
-"""The same among obstacles, about 300 ms; ways that lead somewhere take a tenth of it."""
+FREE_WORK = 60_000
+"""Budget of one solve without obstacles, iterations times unknowns: about 50 ms at 0.8 us."""
+WORK = 70_000
+"""The same among obstacles, about 300 ms at 4 us; ways that lead somewhere take a fourth of it."""
 PROGRESS = 0.01
 """Part of the longest step that a solve must get on with its budget; otherwise it is stuck."""
 TWIST = 1e-2
@@ -297,7 +297,7 @@ class Follower:
         reached = joints if result.end is End.ARRIVED else origin + result.at * (joints - origin)
         self._q, self._F, self._joints = result.q, result.F, reached
         self._fell(result.falls)
-        got_on = result.at >= PROGRESS * longest
+        got_on = result.at >= PROGRESS * longest or any(fall.folded for fall in result.falls)
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and got_on):
             rod.refactor(result.q, result.F)
             if self._standing.loss is not None and not any(fall.jumped for fall in result.falls):
@@ -313,11 +313,8 @@ class Follower:
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )
             return replace(unfinished, iterations=result.iterations)
-        why = (
-            "its clamps were farther apart than it is long"
-            if result.end is End.BEYOND_REACH
-            else "it was lost"
-        )
+        beyond = result.end is End.BEYOND_REACH
+        why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
         told = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved anew"
         return self._cold(kinematics, joints, poses, begin, self._twist, told)
 
@@ -329,8 +326,8 @@ class Follower:
             elif fall.jumped and not fall.folded:
                 turned = f"total twist {fall.twist_before:.3f} -> {fall.twist_after:.3f} rad"
                 self._lose(f"it fell, {turned}, with a stability margin of {fall.margin:.2g} before")
-            elif fall.jumped and self._standing.loss is None:
-                self._standing = replace(self._standing, snaps=(*self._standing.snaps, fall))
+            elif fall.jumped:
+                self._standing = self._standing.snapped(fall)
 
     def _cold(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None,

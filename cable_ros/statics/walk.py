@@ -23,6 +23,8 @@ OVERHEAD = 250
 """Iterations times unknowns that take as long as a step beside its iterations: kinematics and calls."""
 NEAR = 30.0
 """Stability margins are noted at failures of steps below this many of the shortest."""
+DESCENT = 4
+"""Work of an iteration of a descent, in iterations of a warm start."""
 BACK = (30.0, 10.0, 3.0)
 """If none was noted before the last equilibrium, its margin is compared with the one this many steps back."""
 SMALL = 0.05
@@ -158,7 +160,7 @@ def _fallen(
     if fallen is None:
         return None
     found, energy, twist = fallen
-    rod.work = min(rod.work, left - found.iterations * rod.elastic.shape[0]) - OVERHEAD
+    rod.work = min(rod.work, left - DESCENT * found.iterations * rod.elastic.shape[0]) - OVERHEAD
     jumped, ahead = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), np.inf
     if jumped:
         behind = margins[-2:-1] or _behind(standing, q, F, path, at, step, tolerance)
