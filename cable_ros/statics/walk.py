@@ -129,10 +129,14 @@ def walk(
         if step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
             margins.append((at, rod._softest()))
         if code != compiled.TOO_FAR and step * 0.5 < SHORTEST * longest:
+            left = rod.work
             fallen = _fallen(rod, q, F, path, step, margins, tolerance)
             if fallen is None:
                 return ended(End.STUCK)
             found, fell = fallen
+            if not fell.jumped or any(one.jumped for one in falls):
+                # the budget leaves one snap aside: it belongs to a small step as well
+                rod.work = min(rod.work, left - DESCENT * found.iterations * rod.elastic.shape[0])
             falls.append(fell)
             iterations += found.iterations
             at, q, F = min(1.0, at + step), found.q, found.F
@@ -154,13 +158,12 @@ def _fallen(
     `margins`: parts of the path and stability margins there, last those of (q, F).
     """
     at, margin = margins[-1]
-    touched, left = bool(rod.held().any()), rod.work
+    touched = bool(rod.held().any())
     shape, standing = rod.mesh.interpolate(q, GRID), rod.snapshot()()
     fallen = fall(rod, q, F, path(min(1.0, at + step)))
     if fallen is None:
         return None
     found, energy, twist = fallen
-    rod.work = min(rod.work, left - DESCENT * found.iterations * rod.elastic.shape[0]) - OVERHEAD
     jumped, ahead = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), np.inf
     if jumped:
         behind = margins[-2:-1] or _behind(standing, q, F, path, at, step, tolerance)
