@@ -35,6 +35,10 @@ FOLD = 10.0
 folds of free cables it was within 0.3 to 1.7."""
 JUMP = 0.05
 """Rotation of a section, rad, that no step of SHORTEST along a branch makes."""
+AWAY = 0.2
+"""The same for a few of these steps away from a fold, where the shape moves like the root of the load."""
+FREE_FALLS = 2
+"""Number of falls that the budget leaves aside: even a small step may meet a fold, and end just before it."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -134,8 +138,7 @@ def walk(
             if fallen is None:
                 return ended(End.STUCK)
             found, fell = fallen
-            if not fell.jumped or any(one.jumped for one in falls):
-                # the budget leaves one snap aside: it belongs to a small step as well
+            if len(falls) >= FREE_FALLS:
                 rod.work = min(rod.work, left - DESCENT * found.iterations * rod.elastic.shape[0])
             falls.append(fell)
             iterations += found.iterations
@@ -186,7 +189,12 @@ def _behind(
         )
         if code == compiled.ADVANCED and rod.refactor(q_back, F_back):
             return [(back, rod._softest())]
-    return []
+    # next to the fold Newton's method does not lead away from it, but a descent does
+    shape, back = rod.mesh.interpolate(q, GRID), at - BACK[0] * step
+    fallen = fall(rod, q, F, path(back))
+    if fallen is None or _jumped(shape, rod.mesh.interpolate(fallen[0].q, GRID), AWAY):
+        return []
+    return [(back, rod._softest())]
 
 
 def _to_fold(at: float, margin: float, before: float, margin_before: float) -> float:
@@ -212,6 +220,6 @@ def fall(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> tupl
     return None if found is None else (found, energy, twist)
 
 
-def _jumped(before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether some section turned by more than JUMP."""
-    return bool(np.abs(np.sum(before * after, axis=1)).min() < np.cos(0.5 * JUMP))
+def _jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:
+    """Whether some section turned by more than that, rad."""
+    return bool(np.abs(np.sum(before * after, axis=1)).min() < np.cos(0.5 * most))
