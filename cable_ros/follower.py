@@ -49,10 +49,10 @@ AMONG_OBSTACLES = 0.1
 """The same where there are obstacles: what is touched on the way decides where the cable ends up."""
 PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
-FREE_WORK = 150_000
-"""Budget of one solve without obstacles, iterations times unknowns: about 50 ms."""
-WORK = 150_000
-"""The same among obstacles, about 300 ms; ways that lead somewhere take a tenth of it."""
+FREE_WORK = 60_000
+"""Budget of one solve without obstacles, iterations times unknowns: about 50 ms at 0.8 us."""
+WORK = 70_000
+"""The same among obstacles, about 300 ms at 4 us; ways that lead somewhere take a fourth of it."""
 PROGRESS = 0.01
 """Part of the longest step that a solve must get on with its budget; otherwise it is stuck."""
 TWIST = 1e-2
@@ -66,9 +66,8 @@ OUTLINE = 101
 """So many points tell how near the cable comes to itself."""
 GRID = 0.05
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
-COARSE = (
-    "Contact could only be followed on a grid, which leaves an estimated error of {:.1e} in the end wrench."
-)
+COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
+ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
 SINKS = "The cable could not be kept out of what it touches between the places that hold it."
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
@@ -309,7 +308,7 @@ class Follower:
         reached = joints if result.end is End.ARRIVED else origin + result.at * (joints - origin)
         self._q, self._F, self._joints = result.q, result.F, reached
         self._fell(result.falls)
-        got_on = result.at >= PROGRESS * longest
+        got_on = result.at >= PROGRESS * longest or any(fall.folded for fall in result.falls)
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and got_on):
             rod.refactor(result.q, result.F)
             if self._standing.loss is not None and not any(fall.jumped for fall in result.falls):
@@ -325,11 +324,8 @@ class Follower:
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )
             return replace(unfinished, iterations=result.iterations)
-        why = (
-            "its clamps were farther apart than it is long"
-            if result.end is End.BEYOND_REACH
-            else "it was lost"
-        )
+        beyond = result.end is End.BEYOND_REACH
+        why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
         told = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved anew"
         return self._cold(kinematics, joints, poses, begin, self._twist, told)
 
@@ -341,8 +337,8 @@ class Follower:
             elif fall.jumped and not fall.folded:
                 turned = f"total twist {fall.twist_before:.3f} -> {fall.twist_after:.3f} rad"
                 self._lose(f"it fell, {turned}, with a stability margin of {fall.margin:.2g} before")
-            elif fall.jumped and self._standing.loss is None:
-                self._standing = replace(self._standing, snaps=(*self._standing.snaps, fall))
+            elif fall.jumped:
+                self._standing = self._standing.snapped(fall)
 
     def _cold(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None,

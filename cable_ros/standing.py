@@ -74,12 +74,21 @@ class Standing:
 
     loss: Loss | None = None
     snaps: tuple[Fall, ...] = ()
-    """Snaps through folds that no result has told yet."""
+    """The last of the snaps through folds that no result has told yet, at most TOLD."""
+    more: int = 0
+    """Number of such snaps before these."""
 
     def lost(self, told: str, history: bool) -> Standing:
         """After a loss; what was unknown before stays told."""
         before = self.loss
         return Standing(Loss(told, history or (before is not None and before.history)))
+
+    def snapped(self, fall: Fall) -> Standing:
+        """After a fall through a fold."""
+        if self.loss is not None:
+            return self
+        snaps = (*self.snaps, fall)
+        return Standing(None, snaps[-TOLD:], self.more + max(0, len(snaps) - TOLD))
 
     def story(self, unit: float) -> str:
         """The message of a snap; `unit`: of energy, J."""
@@ -87,12 +96,10 @@ class Standing:
             f"total twist {s.twist_before:.3f} -> {s.twist_after:.3f} rad,"
             f" energy {s.energy_before * unit:.4g} -> {s.energy_after * unit:.4g} J"
             f" at {100 * s.at:.4g} % of the step"
-            for s in self.snaps[-TOLD:]
+            for s in self.snaps
         ]
-        more = len(self.snaps) - len(parts)
-        return (
-            f"{Status.SNAPPED.sentence[:-1]} ({f'{more} times before; ' if more else ''}{'; '.join(parts)})."
-        )
+        before = f"{self.more} times before; " if self.more else ""
+        return f"{Status.SNAPPED.sentence[:-1]} ({before}{'; '.join(parts)})."
 
 
 def motion(a: Conditions, b: Conditions) -> float:

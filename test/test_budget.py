@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+from zoo_make import SKEW, cable
 
 from cable_ros import Equilibrium, Status, Tracker, follower, load_scene
+from cable_ros.batch import solve_many
 from cable_ros.bench.carriage import on_carriage
 from cable_ros.scene import Scene
 from cable_ros.statics.touching import TouchingRod
@@ -62,6 +67,88 @@ def test_a_way_that_takes_too_much_is_solved_anew_and_says_so(monkeypatch: pytes
     assert "solved anew" in anew.message
     again = solved(path, scene)[-1]
     assert np.array_equal(anew.end_wrench, again.end_wrench)
+
+
+def carried() -> tuple[Scene, dict[str, float]]:
+    """A cable with both clamps on a hand that turns about the vertical: its shape stays the same."""
+    scene, urdf, home = on_carriage(cable(SKEW))
+    inverse = Rotation.from_quat(SKEW[3:]).inv()
+    (first,) = scene["cables"]
+    turn = inverse * Rotation.from_quat(first["start"]["orientation"])
+    start = {
+        "link": "hand",
+        "position": inverse.apply(-SKEW[:3]).tolist(),
+        "orientation": turn.as_quat().tolist(),
+    }
+    scene = {**scene, "gravity": [0.0, 0.0, -20.0], "cables": [{**first, "start": start}]}
+    return load_scene(scene, urdf=urdf), {**home, "x": 0.0, "y": 0.0, "z": 0.0, "yaw": 0.0}
+
+
+@pytest.mark.parametrize(("far", "most"), [(3.0, 1), (100.0, 2), (1000.0, 10), (9999.0, 100)])
+def test_a_pose_whole_turns_away_takes_several_calls(far: float, most: int) -> None:
+    scene, home = carried()
+    tracker = Tracker(scene)
+    (before,) = tracker.solve(home).values()
+    for yaw in (far, 0.0):
+        calls = 0
+        status = Status.UNFINISHED
+        while status is Status.UNFINISHED:
+            (found,) = tracker.solve({**home, "yaw": yaw}).values()
+            calls, status = calls + 1, found.status
+            # a step costs some work beside its iterations
+            assert found.iterations <= follower.FREE_WORK / 30
+        assert status is Status.CONVERGED
+        assert calls <= most
+        assert found.total_twist == pytest.approx(before.total_twist, abs=1e-3)
+    assert relative_difference(found.end_wrench, before.end_wrench) < 3e-4
+
+
+@pytest.mark.parametrize("far", [3.0, 100.0, 1000.0, 9999.0])
+def test_after_a_glitch_the_cable_is_led_back(far: float) -> None:
+    """The end clamp is told to spin, which winds the cable up: each call gets on a few turns at most."""
+    scene, urdf, home = on_carriage(cable(SKEW))
+    tracker = Tracker(load_scene(scene, urdf=urdf))
+    (before,) = tracker.solve(home).values()
+    (away,) = tracker.solve({**home, "spin": home["spin"] + far}).values()
+    assert away.status is (Status.CONVERGED if far < 10.0 else Status.UNFINISHED)
+    if far > 10.0:
+        assert "goes on from here at the next call" in away.message
+        assert np.isnan(away.end_wrench).all()
+    calls, status = 0, Status.UNFINISHED
+    while status is Status.UNFINISHED:
+        (after,) = tracker.solve(home).values()
+        calls, status = calls + 1, after.status
+    assert calls <= 2
+    assert status is Status.CONVERGED
+    assert relative_difference(after.end_wrench, before.end_wrench) < 3e-4
+
+
+def relative_difference(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.abs(a - b).max() / np.abs(b).max())
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e9])
+def test_an_impossible_value_is_answered_at_once(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, urdf, home = on_carriage(cable(SKEW))
+    tracker = Tracker(load_scene(scene, urdf=urdf))
+    tracker.solve(home)
+    monkeypatch.setattr(follower, "walk", None)  # calling it would raise
+    (found,) = tracker.solve({**home, "spin": value}).values()
+    assert found.status is Status.INVALID_INPUT
+
+
+def test_offline_work_goes_on_until_it_arrives(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, home = carried()
+    poses = np.array(
+        [[{**home, "yaw": yaw}[name] for name in Tracker(scene).joint_names] for yaw in (0.0, 20.0)]
+    )
+    exact = solve_many(scene, poses)
+    monkeypatch.setattr(follower, "FREE_WORK", 5000)
+    (found,) = Tracker(scene).solve(home).values()
+    batch = solve_many(scene, poses)
+    assert batch.status.ravel().tolist() == [Status.CONVERGED] * 2
+    assert relative_difference(batch.end_wrench[1, 0], exact.end_wrench[1, 0]) < 3e-4
+    assert found.status is Status.CONVERGED
 
 
 def test_work_is_counted() -> None:

@@ -44,7 +44,7 @@ def tracker(reference: Reference, obstacle: dict, urdf: str, tolerance: float = 
 
 
 def follow(tracker: Tracker, joint: str, values: Sequence[float]) -> list[Equilibrium]:
-    found = [tracker.solve({joint: float(value)})["cable"] for value in values]
+    found = [tracker.arrive({joint: float(value)})["cable"] for value in values]
     for one in found:
         assert one.status is Status.CONVERGED, one.message
     return found

@@ -311,6 +311,10 @@ def folds() -> list[Case]:
     ]
 
 
+BESIDE = {"name": "ball", "sphere": {"center": [0.25, -0.1, 0.15], "radius": 0.1}, "friction": 0.3}
+"""A ball that the heavy cable between skew clamps hangs near."""
+
+
 def joint_motion() -> list[Case]:
     rng = np.random.default_rng(4)
     teleports = np.concatenate([[0.0], rng.uniform(-90, 90, 25)])
@@ -369,6 +373,19 @@ def joint_motion() -> list[Case]:
             check=checks.constant(1e-6),
         ),
         arm("the same angle again and again", "no change", [17.0] * 20, check=checks.constant(1e-6)),
+    ]
+    spun = {"along": (*TRUSTED, Status.UNFINISHED), "statuses": TRUSTED, "baselines": False}
+    cases += [
+        led(
+            f"a glitch of {far:g} rad{among}",
+            "reported, then as before",
+            {**both, **obstacles},
+            [{}, {"spin": far}, {}, {}, {}],
+            check=checks.closed_unless_snapped(),
+            **spun,
+        )
+        for among, obstacles in (("", {}), (" beside a ball", {"obstacles": [BESIDE]}))
+        for far in (3.0, 100.0, 9999.0)
     ]
     bad = [math.nan, math.inf, -math.inf, 1e300, -1e12]
     cases.append(

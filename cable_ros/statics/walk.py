@@ -20,12 +20,16 @@ BEYOND = 0.02
 """Part of the longest step below which a step that leads out of reach is not halved further."""
 CARRY = 0.05
 """Part of the longest step below which a rod that fails is replaced."""
+CARRY_WORK = 25_000
+"""Work, iterations times unknowns, after which it is: about 50 ms."""
 LEAST = 1e-9
 """Part of the longest step below which a step is rounding."""
 OVERHEAD = 250
 """Iterations times unknowns that take as long as a step beside its iterations: kinematics and calls."""
 NEAR = 30.0
 """Stability margins are noted at failures of steps below this many of the shortest."""
+DESCENT = 4
+"""Work of an iteration of a descent, in iterations of a warm start."""
 BACK = (30.0, 10.0, 3.0)
 """If none was noted before the last equilibrium, its margin is compared with the one this many steps back."""
 SMALL = 0.05
@@ -36,6 +40,10 @@ FOLD = 10.0
 folds of free cables it was within 0.3 to 1.7."""
 JUMP = 0.05
 """Rotation of a section, rad, that no step of SHORTEST along a branch makes."""
+AWAY = 0.2
+"""The same for a few of these steps away from a fold, where the shape moves like the root of the load."""
+FREE_FALLS = 2
+"""Number of falls that the budget leaves aside: even a small step may meet a fold, and end just before it."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -106,6 +114,8 @@ def walk(
     falls: list[Fall] = []
     margins: list[tuple[float, float]] = []  # parts of the path and stability margins there
 
+    given = rod.work
+
     def ended(end: End) -> Walk:
         return Walk(end, at, q, F, iterations, tuple(falls), rod)
 
@@ -129,7 +139,8 @@ def walk(
         if np.linalg.norm(conditions.re) >= 1.0 and step < BEYOND * longest:
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
-        if carrier is not None and (step * 0.5 < CARRY * longest or not rod.refactor(q, F)):
+        hard = step * 0.5 < CARRY * longest or given - rod.work > CARRY_WORK
+        if carrier is not None and (hard or not rod.refactor(q, F)):
             carried, carrier = carrier(rod, q, F), None
             if carried is not None:
                 rod, q, F = carried, carried.shape, carried.end_force
@@ -140,10 +151,13 @@ def walk(
         if step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
             margins.append((at, rod._softest()))
         if code != compiled.TOO_FAR and step * 0.5 < SHORTEST * longest:
+            left = rod.work
             fallen = _fallen(rod, q, F, path, step, margins, tolerance)
             if fallen is None:
                 return ended(End.STUCK)
             found, fell = fallen
+            if len(falls) >= FREE_FALLS:
+                rod.work = min(rod.work, left - DESCENT * found.iterations * rod.elastic.shape[0])
             falls.append(fell)
             iterations += found.iterations
             at, q, F = min(1.0, at + step), found.q, found.F
@@ -165,13 +179,12 @@ def _fallen(
     `margins`: parts of the path and stability margins there, last those of (q, F).
     """
     at, margin = margins[-1]
-    touched, left = bool(rod.held().any()) and not rod.remembers, rod.work
+    touched = bool(rod.held().any()) and not rod.remembers
     shape, standing = rod.mesh.interpolate(q, GRID), rod.snapshot()()
     fallen = fall(rod, q, F, path(min(1.0, at + step)))
     if fallen is None:
         return None
     found, energy, twist = fallen
-    rod.work = min(rod.work, left - found.iterations * rod.elastic.shape[0]) - OVERHEAD
     jumped, ahead = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), np.inf
     if jumped:
         behind = margins[-2:-1] or _behind(standing, q, F, path, at, step, tolerance)
@@ -194,7 +207,12 @@ def _behind(
         )
         if code == compiled.ADVANCED and rod.refactor(q_back, F_back):
             return [(back, rod._softest())]
-    return []
+    # next to the fold Newton's method does not lead away from it, but a descent does
+    shape, back = rod.mesh.interpolate(q, GRID), at - BACK[0] * step
+    fallen = fall(rod, q, F, path(back))
+    if fallen is None or _jumped(shape, rod.mesh.interpolate(fallen[0].q, GRID), AWAY):
+        return []
+    return [(back, rod._softest())]
 
 
 def _to_fold(at: float, margin: float, before: float, margin_before: float) -> float:
@@ -220,6 +238,6 @@ def fall(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> tupl
     return None if found is None else (found, energy, twist)
 
 
-def _jumped(before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether some section turned by more than JUMP."""
-    return bool(np.abs(np.sum(before * after, axis=1)).min() < np.cos(0.5 * JUMP))
+def _jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:
+    """Whether some section turned by more than that, rad."""
+    return bool(np.abs(np.sum(before * after, axis=1)).min() < np.cos(0.5 * most))

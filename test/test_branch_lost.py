@@ -1,0 +1,162 @@
+"""A branch that was lost is told at every pose until it is known again, and nothing of it is trusted."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_budget import past_a_ball
+from test_friction import MU, draped, on_drum
+from zoo_make import ARM
+
+from cable_ros import Equilibrium, Status, Tracker, follower, load_scene
+from cable_ros.log import events
+from cable_ros.log.resolve import Outcome, resolve
+from cable_ros.log.run import Event, Solve
+from cable_ros.standing import Loss, Standing
+from cable_ros.statics.walk import FOLD, SMALL, Fall
+
+TOLD = "it was led there by a test"
+FALL = Fall(0.5, 2.0, 1.0, 0.0, 0.1, jumped=True, touched=False, margin=0.01, to_fold=1.0)
+
+
+def arm() -> tuple[Tracker, str]:
+    tracker = Tracker(load_scene(ARM))
+    return tracker, tracker.scene.cables[0].name
+
+
+@pytest.mark.parametrize(
+    ("change", "folded"),
+    [
+        ({}, True),
+        ({"margin": 1.1 * SMALL}, False),
+        ({"to_fold": 1.1 * FOLD}, False),
+        ({"to_fold": math.inf}, False),
+        ({"energy_after": 2.1}, False),
+    ],
+)
+def test_a_fold_is_a_margin_that_runs_to_zero_and_energy_that_falls(change: dict, folded: bool) -> None:
+    assert replace(FALL, **change).folded is folded
+
+
+def test_what_was_lost_is_told_and_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, home = past_a_ball(0.1)
+    tracker = Tracker(scene)
+    tracker.solve(home)
+    monkeypatch.setattr(follower, "WORK", 0)
+    away = {**home, "z": 0.3, "x": -0.4, "pitch": 1.0}
+    lost = tracker.solve(away)["cable"]
+    assert lost.status is Status.BRANCH_LOST
+    assert not lost.status.trusted
+    assert not lost.converged
+    assert np.isfinite(lost.end_wrench).all()  # the last attempt
+    for said in ("solved anew", "total twist", "call reset", "~/reset"):
+        assert said in lost.message
+    assert list(tracker.lost) == ["cable"]
+    monkeypatch.undo()
+    # a copy of the tracker's state knows it as well
+    kept = pickle.loads(pickle.dumps(tracker.snapshot()))
+    tracker.reset()
+    assert tracker.solve(away)["cable"].status is Status.CONVERGED
+    assert not tracker.lost
+    tracker.restore(kept)
+    assert tracker.lost
+
+
+def test_a_cable_that_touches_nothing_is_known_again_if_it_is_the_only_one_near() -> None:
+    tracker, name = arm()
+    before = tracker.solve({"orientation": 0.0})[name]
+    tracker.distrust({name: TOLD})
+    # that is not followed, but known at the next pose
+    after = tracker.solve({"orientation": 0.01})[name]
+    assert after.status is Status.CONVERGED
+    assert after.total_twist == pytest.approx(before.total_twist, abs=0.1)
+
+
+def test_a_mirror_image_stays_lost_until_reset() -> None:
+    cable = {
+        "name": "cable",
+        "length": 1.0,
+        "stiffness": [4.0, 1.0, 1.0],
+        "linear_density": 0.0,
+        "start": {"position": [0.0, 0.0, 0.0], "orientation": [0.0, 0.0, 0.0, 1.0]},
+        "end": {"position": [0.0, 0.0, 0.8], "orientation": [0.0, 0.0, 0.0, 1.0]},
+    }
+    tracker = Tracker(load_scene({"gravity": [0.0, 0.0, 0.0], "cables": [cable]}))
+    assert tracker.solve({})["cable"].status is Status.CONVERGED
+    tracker.distrust({"cable": TOLD})
+    for _ in range(3):
+        assert tracker.solve({})["cable"].status is Status.BRANCH_LOST
+    tracker.reset()
+    assert tracker.solve({})["cable"].status is Status.CONVERGED
+
+
+def drawn(tracker: Tracker, turns: np.ndarray) -> list[Equilibrium]:
+    return [tracker.arrive({"turn": float(turn)})["cable"] for turn in turns]
+
+
+def test_friction_is_known_again_once_everything_has_slipped_long_enough() -> None:
+    there, back = np.array([0.0, 0.02, 0.04]), 0.04 - 1e-3 * np.arange(1, 31)
+    reference = draped(0.0)[1]
+    true = on_drum(reference, MU)
+    drawn(true, there)
+    # the same drum, come to without the way there
+    tracker = on_drum(reference, MU)
+    drawn(tracker, there[-1:])
+    tracker.distrust({"cable": TOLD})
+    exact, found = drawn(true, back), drawn(tracker, back)
+    assert {one.status for one in exact} == {Status.CONVERGED}
+    statuses = [one.status for one in found]
+    known = statuses.index(Status.CONVERGED)
+    assert set(statuses[:known]) == {Status.BRANCH_LOST}
+    assert set(statuses[known:]) == {Status.CONVERGED}
+    # from no friction it slips after 0.01 rad, from friction the other way after 0.02
+    assert 0.02 <= 0.04 - back[known] <= 0.025
+    size = np.abs(exact[-1].end_wrench).max()
+    wrong = [np.abs(one.end_wrench - other.end_wrench).max() for one, other in zip(found, exact, strict=True)]
+    assert max(wrong[:known]) > 0.02 * size
+    assert max(wrong[known:]) < 2e-4 * size
+
+
+def test_what_sticks_in_between_counts_from_the_beginning() -> None:
+    loss = Loss(TOLD, history=True).followed(0.1, slips=False, step=True)
+    loss = loss.followed(0.1, slips=True, step=True)
+    assert not loss.forgotten  # within this motion it began to slip
+    loss = loss.followed(0.15, slips=True, step=True)
+    assert not loss.forgotten
+    assert loss.followed(0.05, slips=True, step=True).forgotten
+    stuck = loss.followed(0.05, slips=False, step=True)
+    assert not stuck.followed(0.1, slips=True, step=True).followed(0.3, slips=True, step=True).forgotten
+    # what lies between the ends of a walk is not known
+    assert not loss.followed(0.05, slips=True, step=False).forgotten
+    # without friction there is nothing to forget, and the branch is not known by slip
+    assert not replace(loss, history=False).followed(1.0, slips=True, step=True).forgotten
+
+
+def test_snaps_are_kept_until_they_are_told() -> None:
+    standing = Standing()
+    for _ in range(5):
+        standing = standing.snapped(FALL)
+    story = standing.story(1.0)
+    assert "2 times before" in story
+    assert story.count("total twist") == 3
+    assert standing.lost(TOLD, True).snapped(FALL).snaps == ()
+
+
+def test_another_tolerance_keeps_the_branch_and_its_friction() -> None:
+    tracker = on_drum(draped(0.0)[1], MU)
+    before = drawn(tracker, np.array([0.0, 0.02, 0.04]))[-1]
+    tracker.tolerance = 1e-5
+    (after,) = drawn(tracker, np.array([0.04]))
+    assert after.status is Status.CONVERGED
+    assert after.end_wrench == pytest.approx(before.end_wrench, abs=2e-4 * np.abs(before.end_wrench).max())
+
+
+def test_a_log_carries_what_was_lost() -> None:
+    tracker, name = arm()
+    start = Event(0, events.START, {"fresh": False, "lost": {name: TOLD}})
+    ((_, found),) = resolve([start, Solve(0, 0, {"orientation": 0.0})], tracker, Outcome())
+    assert found[name].status is Status.BRANCH_LOST
