@@ -356,9 +356,11 @@ class Follower:
         return Equilibrium.of(
             status=status, message=message, converged=True, stable=True, stability_margin=self._margin,
             end_wrench=end_wrench, start_wrench=start_wrench, points=points, orientations=orientations,
-            total_twist=self._twist, energy=float(rod.totals[3]) * unit.moment,
+            total_twist=self._twist,
+            energy=float(rod.totals[3]) * unit.moment - unit.length * float(self._weight @ start[:3]),
             error_estimate=self._estimate, iterations=iterations,
-            solve_time=time.perf_counter() - begin, _tangent=results.tangent(rod, self._q, self._F, unit),
+            solve_time=time.perf_counter() - begin,
+            _tangent=results.tangent(rod, self._q, self._F, unit, self._names, start),
             _touching=results.touching(rod, friction, self._names, start, unit),
         )  # fmt: skip
 
