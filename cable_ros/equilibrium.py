@@ -46,6 +46,18 @@ class Contact:
         return self.force - self.normal_force * self.normal
 
 
+@dataclass(frozen=True)
+class Overlap:
+    """A cable within another, or within itself: contact between cables is not modelled."""
+
+    other: str
+    """Name of the other cable; its own where the cable meets itself."""
+    distance: float
+    """Smallest distance of the centrelines, of a polyline of some 100 points, m."""
+    contact_distance: float
+    """At which the surfaces would touch: the sum of the outer radii, m."""
+
+
 @dataclass(frozen=True, eq=False)
 class ContactTable:
     """All `Contact`s of a cable, by rising arc length, a field an array; world, SI units."""
@@ -92,6 +104,7 @@ class Equilibrium:
     """
 
     status: Status
+    """How the solve ended; see `overlaps`, too."""
     message: str
     """The status sentence with this case's numbers in it."""
     converged: bool
@@ -117,6 +130,9 @@ class Equilibrium:
     iterations: int
     solve_time: float
     """Wall time of this solve, s."""
+    overlaps: tuple[Overlap, ...] = ()
+    """Where its surface meets another cable's, or its own, which no equation forbids: where there is any, the
+    equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
     _tangent: Callable[[Sequence[str]], np.ndarray] | None = field(default=None, repr=False, compare=False)
     _touching: Callable[[], ContactTable] | None = field(default=None, repr=False, compare=False)
 
@@ -126,6 +142,11 @@ class Equilibrium:
         new = object.__new__(cls)
         vars(new).update(fields)
         return new
+
+    @property
+    def overlapping(self) -> bool:
+        """Whether it meets itself or another cable; see `overlaps`."""
+        return bool(self.overlaps)
 
     @cached_property
     def _contact_table(self) -> ContactTable | None:
@@ -190,8 +211,9 @@ class Equilibrium:
         return self.clamp_stiffness[6:, 6:]
 
     def as_dict(self) -> dict[str, Any]:
-        """All public fields, `contacts` (as mappings) and `stiffness` by name."""
+        """All public fields, `contacts` and `overlaps` (as mappings) and `stiffness` by name."""
         out = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
         out["contacts"] = [asdict(contact) for contact in self.contacts]
+        out["overlaps"] = [asdict(overlap) for overlap in self.overlaps]
         out["stiffness"] = self.stiffness
         return out

@@ -10,11 +10,11 @@ import numpy as np
 
 from cable_ros import results
 from cable_ros.auto_effects import Choice
-from cable_ros.equilibrium import Equilibrium
+from cable_ros.equilibrium import Equilibrium, Overlap
 from cable_ros.mechanics.effects.contact import nearest, placed
 from cable_ros.mechanics.effects.effect import Properties
+from cable_ros.overlaps import OUTLINE, SPACING, closest_approach, warning
 from cable_ros.scene import Cable, Kinematics
-from cable_ros.self_contact import SPACING, closest_approach, warning
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
@@ -43,8 +43,6 @@ CLAMP_DEPTH = 1e-6
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
 LONGEST_STRETCH = 1.1
 """A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
-OUTLINE = 101
-"""So many points tell how near the cable comes to itself."""
 SINKS = "The cable could not be kept out of what it touches between the places that hold it."
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
@@ -340,9 +338,14 @@ class Follower:
                 return self.failed(Status.NOT_CONVERGED, SINKS, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])
+        elif self._apart < self._diameter + self._units.length * rod.drift:
+            # two points can have come so much nearer since that was last looked at
+            self._apart = self._closest_approach(poses[0])
         if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
             message = FREE
+        overlaps: tuple[Overlap, ...] = ()
         if self._apart < self._diameter:
+            overlaps = (Overlap(self.name, self._apart, self._diameter),)
             message = f"{message} {warning(self._apart, self._diameter)}"
         if self.choice is not None:
             message += self.choice.note
@@ -359,7 +362,7 @@ class Follower:
             total_twist=self._twist,
             energy=float(rod.totals[3]) * unit.moment - unit.length * float(self._weight @ start[:3]),
             error_estimate=self._estimate, iterations=iterations,
-            solve_time=time.perf_counter() - begin,
+            solve_time=time.perf_counter() - begin, overlaps=overlaps,
             _tangent=results.tangent(rod, self._q, self._F, unit, self._names, start),
             _touching=results.touching(rod, friction, self._names, start, unit),
         )  # fmt: skip
@@ -368,9 +371,12 @@ class Follower:
         """How near the cable comes to itself, m; `start` (7,): its start clamp."""
         if not self._diameter or self._rod is None:
             return np.inf
-        unit = self._units
-        _, _, points, _ = self._outline.read(self._rod, self._q, self._F, start, unit, OUTLINE)
-        return closest_approach(points, unit.length, SPACING * self._diameter)
+        return closest_approach(self.outline(start), self._units.length, SPACING * self._diameter)
+
+    def outline(self, start: np.ndarray) -> np.ndarray:
+        """(OUTLINE, 3) centreline of the present equilibrium, world, m; `start` (7,): its start clamp."""
+        assert self._rod is not None
+        return self._outline.read(self._rod, self._q, self._F, start, self._units, OUTLINE)[2]
 
     @property
     def rod(self) -> Rod | None:

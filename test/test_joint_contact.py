@@ -48,7 +48,7 @@ SHAPES: dict[str, dict[str, Any]] = {
     "sphere": {"sphere": {"center": [0.2, 0.03, 0.08], "radius": 0.06}},
     "capsule": {"capsule": {"start": [0.2, -0.2, 0.08], "end": [0.22, 0.3, 0.08], "radius": 0.06}},
     "plane": {"plane": {"point": [0, 0, 0.13], "normal": [0.05, 0.1, 1.0]}},
-    "box": {"box": {"center": [0.2, 0.05, 0.1], "size": [0.1, 0.5, 0.06], "orientation": [0, 0, 0.6, 0.8]}},
+    "box": {"box": {"center": [0.2, 0.05, 0.1], "size": [0.1, 0.5, 0.06], "orientation": [0, 0, 0.28, 0.96]}},
 }  # fmt: skip
 
 
