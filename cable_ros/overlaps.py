@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.equilibrium import Equilibrium, Overlap
 from cable_ros.scene import Cable
 
@@ -26,19 +27,24 @@ def closest_approach(points: np.ndarray, length: float, spacing: float) -> float
     The points are `length` / (n - 1) apart along the cable. Infinite where no parts are so far apart.
     """
     step = length / (len(points) - 1)
-    return float(_closest(points, points, step, step, int(np.ceil(spacing / step))))
+    return float(_closest(points, points, step, step, int(np.ceil(spacing / step)), np.inf))
 
 
-def closest_between(a: np.ndarray, b: np.ndarray, step_a: float, step_b: float) -> float:
+def closest_between(
+    a: np.ndarray, b: np.ndarray, step_a: float, step_b: float, needed: float = np.inf
+) -> float:
     """Smallest distance of two polylines (n, 3), (m, 3), m.
 
-    `step_a`, `step_b`: the most that neighbouring points may be apart, m.
+    Args:
+        a, b: the polylines.
+        step_a, step_b: the most that neighbouring points may be apart, m.
+        needed: a distance that is not less than this may come out too large, by half a step of each at most.
     """
-    return float(_closest(a, b, step_a, step_b, -1))
+    return float(_closest(a, b, step_a, step_b, -1, needed))
 
 
 @njit(cache=True)
-def _closest(a, b, step_a, step_b, skip):  # type: ignore[no-untyped-def]
+def _closest(a, b, step_a, step_b, skip, needed):  # type: ignore[no-untyped-def]
     """Smallest distance of segments; with `skip` >= 0 of those of one polyline, so many points apart.
 
     First of points, then of the segments about pairs of points that are little farther apart: the nearest
@@ -52,36 +58,49 @@ def _closest(a, b, step_a, step_b, skip):  # type: ignore[no-untyped-def]
             d = np.sqrt((b[k, 0] - a[i, 0]) ** 2 + (b[k, 1] - a[i, 1]) ** 2 + (b[k, 2] - a[i, 2]) ** 2)
             near = min(near, d)
             k += max(1, int((d - near) / step_b))
-    if not near < np.inf:
+    between = 0.5 * (step_a + step_b)
+    if not near < needed + between:
         return near
-    best, limit = near, near + 0.5 * (step_a + step_b)
+    best = near
     for i in range(a.shape[0]):
         k = 0 if skip < 0 else i + skip
         while k < b.shape[0]:
+            limit = best + between
             d = np.sqrt((b[k, 0] - a[i, 0]) ** 2 + (b[k, 1] - a[i, 1]) ** 2 + (b[k, 2] - a[i, 2]) ** 2)
             if d <= limit:
                 for m in range(max(i - 1, 0), min(i + 1, a.shape[0] - 1)):
                     for n in range(max(k - 1, 0), min(k + 1, b.shape[0] - 1)):
                         if skip < 0 or n >= m + 1 + skip:
-                            best = min(best, _between(a[m], a[m + 1], b[n], b[n + 1]))
+                            best = min(best, _between(a, m, b, n))
             k += max(1, int((d - limit) / step_b))
     return best
 
 
-@njit(cache=True)
-def _between(p, p_end, q, q_end):  # type: ignore[no-untyped-def]
-    """Distance of two segments; Ericson, Real-Time Collision Detection (2005), 5.1.9."""
-    u, v, w = p_end - p, q_end - q, p - q
-    uu, uv, vv, uw, vw = (u * u).sum(), (u * v).sum(), (v * v).sum(), (u * w).sum(), (v * w).sum()
+@njit(**LEAF)
+def _between(a, m, b, n):  # type: ignore[no-untyped-def]
+    """Distance of segment m of a (., 3) and segment n of b; Ericson, Real-Time Collision Detection, 5.1.9."""
+    u0, u1, u2 = a[m + 1, 0] - a[m, 0], a[m + 1, 1] - a[m, 1], a[m + 1, 2] - a[m, 2]
+    v0, v1, v2 = b[n + 1, 0] - b[n, 0], b[n + 1, 1] - b[n, 1], b[n + 1, 2] - b[n, 2]
+    w0, w1, w2 = a[m, 0] - b[n, 0], a[m, 1] - b[n, 1], a[m, 2] - b[n, 2]
+    uu, vv, uv = u0 * u0 + u1 * u1 + u2 * u2, v0 * v0 + v1 * v1 + v2 * v2, u0 * v0 + u1 * v1 + u2 * v2
+    uw, vw = u0 * w0 + u1 * w1 + u2 * w2, v0 * w0 + v1 * w1 + v2 * w2
     across = uu * vv - uv * uv
     s = 0.0
     if across > 1e-12 * uu * vv:  # else parallel: any place will do
         s = min(max((uv * vw - uw * vv) / across, 0.0), 1.0)
-    t = (uv * s + vw) / vv if vv > 0.0 else 0.0
-    t = min(max(t, 0.0), 1.0)
+    t = min(max((uv * s + vw) / vv, 0.0), 1.0) if vv > 0.0 else 0.0
     s = min(max((uv * t - uw) / uu, 0.0), 1.0) if uu > 0.0 else 0.0
-    d = w + s * u - t * v
-    return np.sqrt((d * d).sum())
+    d0, d1, d2 = w0 + s * u0 - t * v0, w1 + s * u1 - t * v1, w2 + s * u2 - t * v2
+    return np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+
+
+@njit(**LEAF)
+def _apart(poses, i, k):  # type: ignore[no-untyped-def]
+    """Distance of the middles between the clamps of cables i and k."""
+    d = 0.0
+    for a in range(3):
+        d += (0.5 * (poses[i, 0, a] + poses[i, 1, a] - poses[k, 0, a] - poses[k, 1, a])) ** 2
+    return np.sqrt(d)
 
 
 def warning(apart: float, diameter: float) -> str:
@@ -98,8 +117,9 @@ class Pairs:
     def __init__(self, cables: Sequence[Cable]) -> None:
         self._cables = cables
         thick = [i for i, cable in enumerate(cables) if cable.radius]
-        self._pairs = [(i, k) for i in thick for k in thick if i < k]
-        self._reach = np.array([0.5 * LONGEST * c.length + c.radius for c in cables])
+        reach = [0.5 * LONGEST * cable.length + cable.radius for cable in cables]
+        # no point of a cable is farther than half its length from the middle between its clamps
+        self._pairs = [(i, k, reach[i] + reach[k]) for i in thick for k in thick if i < k]
 
     def mark(
         self, found: dict[str, Equilibrium], poses: np.ndarray, outline: Callable[[int], np.ndarray]
@@ -111,25 +131,19 @@ class Pairs:
             poses: (cables, 2, 7) the clamps in the world.
             outline: gives a cable's polyline (n, 3), world, m, by its number.
         """
-        for i, k in self._near(poses[..., :3].mean(axis=1)):
+        for i, k, reach in self._pairs:
+            if _apart(poses, i, k) >= reach:
+                continue
             one, other = self._cables[i], self._cables[k]
             if not (found[one.name].status.trusted and found[other.name].status.trusted):
                 continue
             needed = one.radius + other.radius
-            apart = self._apart(i, k, outline(i), outline(k), needed)
+            apart = self._distance(i, k, outline(i), outline(k), needed)
             if apart < needed:
                 found[one.name] = _overlapping(found[one.name], Overlap(other.name, apart, needed))
                 found[other.name] = _overlapping(found[other.name], Overlap(one.name, apart, needed))
 
-    def _near(self, middles: np.ndarray) -> list[tuple[int, int]]:
-        """Pairs whose bounding spheres meet: half a length about the middle between the clamps."""
-        return [
-            (i, k)
-            for i, k in self._pairs
-            if ((middles[i] - middles[k]) ** 2).sum() < (self._reach[i] + self._reach[k]) ** 2
-        ]
-
-    def _apart(self, i: int, k: int, a: np.ndarray, b: np.ndarray, needed: float) -> float:
+    def _distance(self, i: int, k: int, a: np.ndarray, b: np.ndarray, needed: float) -> float:
         """Smallest distance of the polylines but for what is beside a clamp that both share."""
         steps = [LONGEST * self._cables[at].length / (len(points) - 1) for at, points in ((i, a), (k, b))]
         bare = [int(np.ceil(SPACING * needed / step)) for step in steps]
@@ -137,11 +151,11 @@ class Pairs:
         keep_a, keep_b = [0, len(a)], [0, len(b)]
         for p, from_p in enumerate(ends):
             for q, from_q in enumerate(ends):
-                if np.linalg.norm(a[from_p][0] - b[from_q][0]) < needed:
-                    keep_a[p] = bare[0] if p == 0 else len(a) - bare[0]
-                    keep_b[q] = bare[1] if q == 0 else len(b) - bare[1]
+                if math.dist(a[from_p][0], b[from_q][0]) < needed:
+                    keep_a[p] = bare[0] if p == 0 else max(len(a) - bare[0], 0)
+                    keep_b[q] = bare[1] if q == 0 else max(len(b) - bare[1], 0)
         a, b = a[slice(*keep_a)], b[slice(*keep_b)]
-        return closest_between(a, b, *steps) if len(a) and len(b) else np.inf
+        return closest_between(a, b, steps[0], steps[1], needed) if len(a) and len(b) else np.inf
 
 
 def _overlapping(found: Equilibrium, overlap: Overlap) -> Equilibrium:
