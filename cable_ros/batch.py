@@ -63,6 +63,8 @@ class Batch:
     """(m, c) relative error of the end wrench."""
     iterations: np.ndarray
     """(m, c) int."""
+    overlapping: np.ndarray
+    """(m, c) bool: whether the cable meets itself or another one, which is not modelled."""
     stiffness: np.ndarray | None = None
     """(m, c, 6, 6) derivative of the end wrench by a small motion of the end clamp, in its frame; None unless
     it was asked for."""

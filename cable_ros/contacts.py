@@ -7,16 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cable_ros.equilibrium import Contact
+from cable_ros.compilation import njit
+from cable_ros.equilibrium import ContactTable
 from cable_ros.mechanics.effects.contact_kernels import position
 from cable_ros.statics.touch_points import FORCE, FRICTION, HELD, LENGTH, OBSTACLE, PLACE
 from cable_ros.statics.units import Units
 
 
-def contacts(
+def contact_table(
     points: np.ndarray, normals: np.ndarray, curve: tuple[np.ndarray, np.ndarray, np.ndarray],
     coefficients: np.ndarray, names: Sequence[str], start: np.ndarray, units: Units,
-) -> tuple[Contact, ...]:  # fmt: skip
+) -> ContactTable:  # fmt: skip
     """The contact points in the world, by rising arc length.
 
     Args:
@@ -28,46 +29,51 @@ def contacts(
         start: (7,) the start clamp in the world, m, quaternion x y z w.
         units: of the cable.
     """
-    turn = Rotation.from_quat(start[3:]).as_matrix()
-    out = []
-    r = np.empty(3)
-    for point, normal in zip(points, normals, strict=True):
-        friction, obstacle = point[FRICTION:HELD], int(point[OBSTACLE])
-        position(*curve, point[PLACE], r)
-        cone = coefficients[obstacle] * point[FORCE]
-        out.append(
-            Contact(
-                obstacle=names[obstacle],
-                arc_length=float(point[PLACE]) * units.length,
-                position=start[:3] + units.length * turn @ r,
-                normal=turn @ normal,
-                force=units.force * turn @ (point[FORCE] * normal + friction),
-                length=float(point[LENGTH]) * units.length,
-                sliding=bool(cone > 0.0 and np.linalg.norm(friction) > (1.0 - 1e-9) * cone),
-            )
-        )
-    return tuple(sorted(out, key=lambda contact: contact.arc_length))
+    order = np.argsort(points[:, PLACE], kind="stable")
+    points, normals = points[order], normals[order]
+    turn = Rotation.from_quat(start[3:]).as_matrix().T
+    which, friction = points[:, OBSTACLE].astype(int), points[:, FRICTION:HELD]
+    cone = coefficients[which] * points[:, FORCE]
+    places = np.ascontiguousarray(points[:, PLACE])
+    return ContactTable(
+        names=tuple(names),
+        obstacle=which,
+        arc_length=places * units.length,
+        position=start[:3] + units.length * _positions(*curve, places) @ turn,
+        normal=normals @ turn,
+        force=units.force * (points[:, FORCE, None] * normals + friction) @ turn,
+        length=points[:, LENGTH] * units.length,
+        sliding=(cone > 0.0) & (np.linalg.norm(friction, axis=1) > (1.0 - 1e-9) * cone),
+    )
+
+
+@njit(cache=True)
+def _positions(c: np.ndarray, h: np.ndarray, s0: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) at the arc lengths `places` (n,) of a `curve`."""
+    out = np.empty((places.shape[0], 3))
+    for i in range(places.shape[0]):
+        position(c, h, s0, places[i], out[i])
+    return out
 
 
 def on_grid(
     touching: tuple[np.ndarray, ...], names: Sequence[str], start: np.ndarray, units: Units
-) -> tuple[Contact, ...]:
+) -> ContactTable:
     """The contacts of a `NodalRod` in the world, by rising arc length, each a point force.
 
     Args:
         touching: see `NodalRod.contacts`.
-        names, start, units: as in `contacts`.
+        names, start, units: as in `contact_table`.
     """
-    turn = Rotation.from_quat(start[3:]).as_matrix()
-    return tuple(
-        Contact(
-            obstacle=names[o],
-            arc_length=float(s) * units.length,
-            position=start[:3] + units.length * turn @ r,
-            normal=turn @ n,
-            force=units.force * turn @ P,
-            length=0.0,
-            sliding=bool(slides),
-        )
-        for s, r, n, P, o, slides in zip(*touching, strict=True)
+    places, positions, normals, forces, obstacles, sliding = touching
+    turn = Rotation.from_quat(start[3:]).as_matrix().T
+    return ContactTable(
+        names=tuple(names),
+        obstacle=obstacles,
+        arc_length=places * units.length,
+        position=start[:3] + units.length * positions @ turn,
+        normal=normals @ turn,
+        force=units.force * forces @ turn,
+        length=np.zeros(len(places)),
+        sliding=sliding,
     )

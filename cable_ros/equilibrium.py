@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import Any
@@ -47,6 +47,55 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class Overlap:
+    """A cable within another, or within itself: contact between cables is not modelled."""
+
+    other: str
+    """Name of the other cable; its own where the cable meets itself."""
+    distance: float
+    """Smallest distance of the centrelines, of a polyline of some 100 points, m."""
+    contact_distance: float
+    """At which the surfaces would touch: the sum of the outer radii, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTable:
+    """All `Contact`s of a cable, by rising arc length, a field an array; world, SI units."""
+
+    names: tuple[str, ...]
+    """Of the scene's obstacles."""
+    obstacle: np.ndarray
+    """(n,) int, in `names`."""
+    arc_length: np.ndarray
+    """(n,)."""
+    position: np.ndarray
+    """(n, 3)."""
+    normal: np.ndarray
+    """(n, 3)."""
+    force: np.ndarray
+    """(n, 3)."""
+    length: np.ndarray
+    """(n,)."""
+    sliding: np.ndarray
+    """(n,) bool."""
+
+    def contacts(self) -> tuple[Contact, ...]:
+        """One by one."""
+        rows = zip(
+            self.obstacle.tolist(), self.arc_length.tolist(), self.position, self.normal, self.force,
+            self.length.tolist(), self.sliding.tolist(), strict=True,
+        )  # fmt: skip
+        return tuple(Contact(self.names[which], *row) for which, *row in rows)
+
+    def obstacle_wrenches(self) -> dict[str, np.ndarray]:
+        """See `Equilibrium.obstacle_wrenches`."""
+        exerted = -np.concatenate([self.force, np.cross(self.position, self.force)], axis=1)
+        sums = np.zeros((len(self.names), 6))
+        np.add.at(sums, self.obstacle, exerted)
+        return {self.names[which]: sums[which] for which in sorted(set(self.obstacle.tolist()))}
+
+
+@dataclass(frozen=True)
 class Equilibrium:
     """One cable's equilibrium at one pose of the robot; SI units.
 
@@ -55,6 +104,7 @@ class Equilibrium:
     """
 
     status: Status
+    """How the solve ended; see `overlaps`, too."""
     message: str
     """The status sentence with this case's numbers in it."""
     converged: bool
@@ -74,14 +124,17 @@ class Equilibrium:
     total_twist: float
     """Integral of the twist over the length, rad: the name of the branch."""
     energy: float
-    """Elastic energy plus potential of the weight (relative to the start clamp), J."""
+    """Elastic energy plus potential of the weight, heights measured from the world's origin, J."""
     error_estimate: float
     """Estimated relative error of the end wrench."""
     iterations: int
     solve_time: float
     """Wall time of this solve, s."""
-    _tangent: Callable[[], np.ndarray] | None = field(default=None, repr=False, compare=False)
-    _touching: Callable[[], tuple[Contact, ...]] | None = field(default=None, repr=False, compare=False)
+    overlaps: tuple[Overlap, ...] = ()
+    """Where its surface meets another cable's, or its own, which no equation forbids: where there is any, the
+    equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
+    _tangent: Callable[[Sequence[str]], np.ndarray] | None = field(default=None, repr=False, compare=False)
+    _touching: Callable[[], ContactTable] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of(cls, **fields: Any) -> Equilibrium:
@@ -90,21 +143,60 @@ class Equilibrium:
         vars(new).update(fields)
         return new
 
+    @property
+    def overlapping(self) -> bool:
+        """Whether it meets itself or another cable; see `overlaps`."""
+        return bool(self.overlaps)
+
+    @cached_property
+    def _contact_table(self) -> ContactTable | None:
+        return None if self._touching is None else self._touching()
+
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
         """Where it touches obstacles, by rising arc length; read off when first asked for."""
-        return () if self._touching is None else self._touching()
+        return () if self._contact_table is None else self._contact_table.contacts()
+
+    @cached_property
+    def obstacle_wrenches(self) -> dict[str, np.ndarray]:
+        """What the cable exerts on each obstacle that it touches, by name, friction included.
+
+        (6,) force [N], then moment [N m] about the world's origin, along the world's axes: minus the forces
+        of `contacts`, which act on the cable, at their positions on its centreline. (The surfaces touch half
+        a diameter away; the moment of friction over that distance is left out on both bodies.)
+        """
+        return {} if self._contact_table is None else self._contact_table.obstacle_wrenches()
+
+    def wrench_response(self, obstacles: Sequence[str] = ()) -> np.ndarray:
+        """(12 + 6 k, 12 + 6 k) derivative of wrenches by small motions of both clamps and of k obstacles.
+
+        Rows: the components of `start_wrench` and `end_wrench`, along axes that move with their clamp; then
+        of `obstacle_wrenches`. Columns: translation [m] along, then rotation [rad] about the start clamp's
+        own axes through its clamp point, the same of the end clamp; then of each obstacle, in their order
+        here, translation and rotation about the world's axes through the world's origin. What is not named
+        stays where it is; so does the direction of the weight.
+
+        Exact without friction, from the factored tangent at the equilibrium: contacts slide along the cable
+        and patches grow as they do, but none begins or ends. With Coulomb friction it is the derivative along
+        motions in which what sticks goes on sticking, carried by its obstacle, and what slips slips on the
+        same way over its obstacle, with mu times the changing normal force. A motion that turns back, or
+        aside, is answered otherwise where something slips. Friction of the model `sliding` follows the
+        tangent, the normal and the normal force, and does not turn round. NaN without a result, and where the
+        equations are singular.
+        """
+        size = 12 + 6 * len(obstacles)
+        return np.full((size, size), np.nan) if self._tangent is None else self._tangent(obstacles)
 
     @cached_property
     def clamp_stiffness(self) -> np.ndarray:
-        """(12, 12) derivative of both wrenches by small motions of both clamps; NaN without a result.
+        """(12, 12) derivative of both wrenches by small motions of both clamps, obstacles at rest.
 
         Columns: translation [m] along, then rotation [rad] about the start clamp's own axes through its clamp
         point, then the same of the end clamp; rows: the components of `start_wrench`, then of `end_wrench`,
-        along axes that move with their clamp. The weight keeps its direction in the world. Exact, from the
-        factored tangent at the equilibrium; computed when first read.
+        along axes that move with their clamp. See `wrench_response`, also for what friction does; computed
+        when first read.
         """
-        return np.full((12, 12), np.nan) if self._tangent is None else self._tangent()
+        return self.wrench_response()
 
     @property
     def stiffness(self) -> np.ndarray:
@@ -119,8 +211,9 @@ class Equilibrium:
         return self.clamp_stiffness[6:, 6:]
 
     def as_dict(self) -> dict[str, Any]:
-        """All public fields, `contacts` (as mappings) and `stiffness` by name."""
+        """All public fields, `contacts` and `overlaps` (as mappings) and `stiffness` by name."""
         out = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
         out["contacts"] = [asdict(contact) for contact in self.contacts]
+        out["overlaps"] = [asdict(overlap) for overlap in self.overlaps]
         out["stiffness"] = self.stiffness
         return out

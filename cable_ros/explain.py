@@ -11,8 +11,8 @@ import numpy as np
 from cable_ros.effects import ALL, called_for, wanted
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.mechanics.effects.effect import Effect
+from cable_ros.overlaps import NOT_MODELLED, SPACING, closest_approach, warning
 from cable_ros.scene import Cable, Scene
-from cable_ros.self_contact import NOT_MODELLED, SPACING, closest_approach, warning
 from cable_ros.statics.units import Units, relative_change
 from cable_ros.tracker import Tracker
 

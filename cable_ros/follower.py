@@ -12,11 +12,11 @@ from cable_ros import results
 from cable_ros.auto_effects import Choice
 from cable_ros.contact import handover
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.equilibrium import Equilibrium
+from cable_ros.equilibrium import Equilibrium, Overlap
 from cable_ros.mechanics.effects.contact import nearest, placed
 from cable_ros.mechanics.effects.effect import Properties
+from cable_ros.overlaps import OUTLINE, SPACING, closest_approach, warning
 from cable_ros.scene import Cable, Kinematics
-from cable_ros.self_contact import SPACING, closest_approach, warning
 from cable_ros.solve.status import Status
 from cable_ros.standing import Standing, alone, motion
 from cable_ros.statics import compiled
@@ -62,8 +62,6 @@ CLAMP_DEPTH = 1e-6
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
 LONGEST_STRETCH = 1.1
 """A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
-OUTLINE = 101
-"""So many points tell how near the cable comes to itself."""
 GRID = 0.05
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
 COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
@@ -456,6 +454,9 @@ class Follower:
                 return self.failed(Status.NOT_CONVERGED, SINKS, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])
+        elif self._apart < self._diameter + self._units.length * rod.drift:
+            # two points can have come so much nearer since that was last looked at
+            self._apart = self._closest_approach(poses[0])
         if rod.forgot:
             self._lose("friction was forgotten in a change of the mesh")
         unit, standing = self._units, self._standing
@@ -466,7 +467,9 @@ class Follower:
         elif standing.snaps and status is Status.CONVERGED:
             status, message = Status.SNAPPED, standing.story(unit.moment)
             self._standing = Standing()
+        overlaps: tuple[Overlap, ...] = ()
         if self._apart < self._diameter:
+            overlaps = (Overlap(self.name, self._apart, self._diameter),)
             message = f"{message} {warning(self._apart, self._diameter)}"
         if self.choice is not None:
             message += self.choice.note
@@ -480,9 +483,10 @@ class Follower:
             status=status, message=message, converged=standing.loss is None, stable=True,
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
             points=points, orientations=orientations, total_twist=self._twist,
-            energy=float(rod.totals[3]) * unit.moment,
+            energy=float(rod.totals[3]) * unit.moment - unit.length * float(self._weight @ start[:3]),
             error_estimate=self._estimate, iterations=iterations,
-            solve_time=time.perf_counter() - begin, _tangent=results.tangent(rod, self._q, self._F, unit),
+            solve_time=time.perf_counter() - begin, overlaps=overlaps,
+            _tangent=results.tangent(rod, self._q, self._F, unit, self._names, start),
             _touching=results.touching(rod, friction, self._names, start, unit),
         )  # fmt: skip
 
@@ -513,9 +517,12 @@ class Follower:
         """How near the cable comes to itself, m; `start` (7,): its start clamp."""
         if not self._diameter or self._rod is None:
             return np.inf
-        unit = self._units
-        _, _, points, _ = self._outline.read(self._rod, self._q, self._F, start, unit, OUTLINE)
-        return closest_approach(points, unit.length, SPACING * self._diameter)
+        return closest_approach(self.outline(start), self._units.length, SPACING * self._diameter)
+
+    def outline(self, start: np.ndarray) -> np.ndarray:
+        """(OUTLINE, 3) centreline of the present equilibrium, world, m; `start` (7,): its start clamp."""
+        assert self._rod is not None
+        return self._outline.read(self._rod, self._q, self._F, start, self._units, OUTLINE)[2]
 
     @property
     def rod(self) -> Rod | None:

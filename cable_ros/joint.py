@@ -1,7 +1,7 @@
 """What the cables do to the robot's joints: torque, its derivative, where one with backlash comes to rest.
 
 Sign: the torque that the cables exert on the joint, positive along its axis; N m, or N for a prismatic joint.
-It is minus the derivative of the cables' energy by the joint value.
+Without friction it is minus the derivative of the cables' energy by the joint value.
 """
 
 from __future__ import annotations
@@ -38,21 +38,29 @@ def joint_load(
         equilibria: what `tracker.solve(joints)` returned.
         joints: the joint values of that solve.
 
-    Both clamps count, each with force and moment: tau = sum J^T W, J the Jacobian of the clamp. The
-    derivative takes in that the weight keeps its direction while a start clamp turns
-    (`Equilibrium.clamp_stiffness`), and the motion of the Jacobians: in the clamp's frame column i changes by
-    [J_i, J_k] with a later joint k of its chain.
+    Both clamps count, each with force and moment, and the contact forces, friction included, on obstacles
+    that a link carries: tau = sum J^T W over these bodies, J the Jacobian of each.
+
+    The derivative takes in how the wrenches answer as clamps and obstacles move while the weight keeps its
+    direction (`Equilibrium.wrench_response`, which says what it does with friction), and the motion of the
+    Jacobians: column i of a clamp's, in its own frame, changes by [J_i, J_k] with a later joint k of its
+    chain; column i of an obstacle's, in the world's frame, by [J_k, J_i] with an earlier joint k.
     """
     wrenches, jacobians = _wrenches_and_jacobians(tracker, equilibria, joints)
     n = jacobians.shape[-1]
     torque, stiffness = np.zeros(n), np.zeros((n, n))
+    pressed = _pressed_obstacles(tracker, equilibria, joints)
     for cable, J, W in zip(tracker.scene.cables, jacobians, wrenches, strict=True):
-        torque += J.T @ W
-        stiffness += J.T @ (equilibria[cable.name].clamp_stiffness @ J)
-        for clamp in (slice(0, 6), slice(6, 12)):
-            for i in range(n):
-                for k in range(i + 1, n):
-                    stiffness[i, k] += _bracket(J[clamp, i], J[clamp, k]) @ W[clamp]
+        found = equilibria[cable.name]
+        touched = {name: obstacle for name, obstacle in pressed.items() if name in found.obstacle_wrenches}
+        for at in (slice(0, 6), slice(6, 12)):
+            stiffness += np.triu(_brackets(J[at], W[at]), 1)
+        for name, obstacle in touched.items():
+            stiffness += np.triu(_brackets(obstacle, found.obstacle_wrenches[name]), 1).T
+        response = found.wrench_response(list(touched)) if touched else found.clamp_stiffness
+        J = np.concatenate([J, *touched.values()])
+        torque += J.T @ np.concatenate([W, *(found.obstacle_wrenches[name] for name in touched)])
+        stiffness += J.T @ (response @ J)
     return JointLoad(torque, stiffness)
 
 
@@ -62,12 +70,18 @@ def joint_torque(
     """(n,) torque of all cables on each joint; see `joint_load`.
 
     Args:
-        moments: False counts the forces' arms alone, as (1) of Liu et al. (2018) has it.
+        moments: False leaves out the clamps' moments: the forces' arms alone, as (1) of Liu et al. (2018) has
+            it; those of contact forces among them.
     """
     wrenches, jacobians = _wrenches_and_jacobians(tracker, equilibria, joints)
     if not moments:
         wrenches[:, [3, 4, 5, 9, 10, 11]] = 0.0
-    return np.einsum("cin,ci->n", jacobians, wrenches)
+    torque = np.einsum("cin,ci->n", jacobians, wrenches)
+    for name, jacobian in _pressed_obstacles(tracker, equilibria, joints).items():
+        for one in equilibria.values():
+            if name in one.obstacle_wrenches:
+                torque += jacobian.T @ one.obstacle_wrenches[name]
+    return torque
 
 
 def joint_stiffness(
@@ -201,6 +215,28 @@ def _wrenches_and_jacobians(
     return wrenches, (to_clamp @ velocities).reshape(len(found), 12, len(q))
 
 
-def _bracket(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Lie bracket (6,) of two twists (linear, angular)."""
-    return np.concatenate([np.cross(a[3:], b[:3]) + np.cross(a[:3], b[3:]), np.cross(a[3:], b[3:])])
+def _pressed_obstacles(
+    tracker: Tracker, equilibria: Mapping[str, Equilibrium], joints: Mapping[str, float]
+) -> dict[str, np.ndarray]:
+    """Jacobians (6, n) of the obstacles on links that a cable touches: about the world's origin and axes."""
+    obstacles = tracker.scene.obstacles
+    if all(obstacle.link is None for obstacle in obstacles):
+        return {}
+    touched = {name for one in equilibria.values() for name in one.obstacle_wrenches}
+    which = [i for i, one in enumerate(obstacles) if one.link is not None and one.name in touched]
+    if not which:
+        return {}
+    q = np.array([joints[name] for name in tracker.joint_names], dtype=float)
+    jacobians = tracker.kinematics.obstacle_jacobians(q)[which]
+    origins = tracker.kinematics.obstacle_poses(q)[which, :3]
+    # of the link's point that passes through the world's origin
+    jacobians[:, :3] += np.cross(origins[:, :, None], jacobians[:, 3:], axis=1)
+    return {obstacles[i].name: jacobian for i, jacobian in zip(which, jacobians, strict=True)}
+
+
+def _brackets(J: np.ndarray, W: np.ndarray) -> np.ndarray:
+    """(n, n) work of the wrench W (6,) on the Lie brackets [J_i, J_k] of the twists J (6, n)."""
+    v, w = J[:3].T, J[3:].T
+    mixed = np.cross(w[:, None], v[None]) + np.cross(v[:, None], w[None])
+    work: np.ndarray = mixed @ W[:3] + np.cross(w[:, None], w[None]) @ W[3:]
+    return work

@@ -6,13 +6,15 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contacts import contacts, on_grid
-from cable_ros.equilibrium import Contact, Equilibrium
+from cable_ros.contacts import contact_table, on_grid
+from cable_ros.equilibrium import ContactTable, Equilibrium
 from cable_ros.mechanics.elements import Mesh, Sampling, integrals, sampling
 from cable_ros.solve.status import Status
 from cable_ros.statics import compiled
+from cable_ros.statics.contact_response import cross_matrix
 from cable_ros.statics.friction_kernels import FRICTIONLESS
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.stretching import StretchingRod
@@ -74,7 +76,7 @@ class Reader:
 
 def touching(
     rod: Rod, friction: np.ndarray | None, names: Sequence[str], start: np.ndarray, unit: Units
-) -> Callable[[], tuple[Contact, ...]] | None:
+) -> Callable[[], ContactTable] | None:
     """What reads the contacts off once it is called; from copies, since the rod moves on. None: no contact.
 
     Args:
@@ -89,23 +91,44 @@ def touching(
     coefficients = friction if rod.model != FRICTIONLESS else np.zeros(len(friction))
     points, normals = rod.points[: rod.count].copy(), rod.normals[: rod.count].copy()
     curve = rod.c.copy(), rod.h.copy(), rod.s0.copy()
-    return partial(contacts, points, normals, curve, coefficients, names, start.copy(), unit)
+    return partial(contact_table, points, normals, curve, coefficients, names, start.copy(), unit)
 
 
-def tangent(rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units) -> Callable[[], np.ndarray]:
-    """What finds `Equilibrium.clamp_stiffness` once it is called; from a copy, since the rod moves on."""
-    return partial(_tangent, rod.snapshot(), rod.qe, rod.re, rod.f, q, F, unit)
+def tangent(
+    rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units, names: Sequence[str], start: np.ndarray
+) -> Callable[[Sequence[str]], np.ndarray]:
+    """What finds `Equilibrium.wrench_response` once it is called; from a copy, since the rod moves on.
+
+    `names` of the obstacles; `start` (7,) the start clamp in the world, m, quaternion x y z w.
+    """
+    return partial(_tangent, rod.snapshot(), (rod.qe, rod.re, rod.f), q, F, unit, names, start.copy())
 
 
 def _tangent(
-    snapshot: Callable[[], Rod], qe: np.ndarray, re: np.ndarray, f: np.ndarray, q: np.ndarray, F: np.ndarray,
-    unit: Units,
+    snapshot: Callable[[], Rod], conditions: tuple[np.ndarray, np.ndarray, np.ndarray], q: np.ndarray,
+    F: np.ndarray, unit: Units, names: Sequence[str], start: np.ndarray, moving: Sequence[str],
 ) -> np.ndarray:  # fmt: skip
     copy = snapshot()
-    copy.set_conditions(qe, re, f)
-    scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2)
-    scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2)
-    return -copy.clamp_stiffness(q, F) * scale_wrench[:, None] / scale_motion[None, :]
+    copy.set_conditions(*conditions)
+    scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2 + len(moving))
+    scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2 + len(moving))
+    if not moving:
+        response = copy.clamp_stiffness(q, F)
+    elif isinstance(copy, TouchingRod) and copy.count:
+        response = copy.wrench_response(q, F, [list(names).index(name) for name in moving])
+    else:
+        response = np.zeros((len(scale_wrench), len(scale_wrench)))
+        response[:12, :12] = copy.clamp_stiffness(q, F)
+    response = -response * scale_wrench[:, None] / scale_motion[None, :]
+    if moving:
+        # obstacles: from the start clamp's frame to the world's
+        turn = Rotation.from_quat(start[3:]).as_matrix().T
+        seen = np.eye(len(response))
+        for at in range(12, len(response), 6):
+            seen[at : at + 3, at : at + 3] = seen[at + 3 : at + 6, at + 3 : at + 6] = turn
+            seen[at : at + 3, at + 3 : at + 6] = -turn @ cross_matrix(start[:3])
+        response = seen.T @ response @ seen
+    return response
 
 
 def failed(status: Status, message: str, solve_time: float, polyline_points: int) -> Equilibrium:

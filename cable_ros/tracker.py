@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from cable_ros import auto_effects
 from cable_ros.effects import environments, properties
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.follower import Follower
+from cable_ros.overlaps import OUTLINE, Pairs
 from cable_ros.scene import Kinematics, Scene, load_scene
 from cable_ros.solve.status import Status
 
@@ -47,6 +48,7 @@ class Tracker:
             Follower(cable, properties(self.scene, cable), self._tolerance, self._polyline_points, names)
             for cable in self.scene.cables
         )
+        self._pairs = Pairs(self.scene.cables)
         self._joints: np.ndarray | None = None
         self._auto = self.scene.effects == "auto"
 
@@ -166,6 +168,8 @@ class Tracker:
             out[follower.name] = found
             begin = time.perf_counter()
         self._joints = values
+        if len(out) > 1:
+            self._pairs.mark(out, poses, self._outlines(out, poses))
         return out
 
     def arrive(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
@@ -186,6 +190,16 @@ class Tracker:
         for follower in self._followers:
             if follower.name in lost:
                 follower.distrust(lost[follower.name])
+
+    def _outlines(self, found: Mapping[str, Equilibrium], poses: np.ndarray) -> Callable[[int], np.ndarray]:
+        """Gives a cable's polyline (n, 3) by its number."""
+
+        def outline(index: int) -> np.ndarray:
+            follower = self._followers[index]
+            points = found[follower.name].points
+            return points if len(points) >= OUTLINE else follower.outline(poses[index, 0])
+
+        return outline
 
     def _fault(self, joints: Mapping[str, float]) -> str:
         for name in self.joint_names:

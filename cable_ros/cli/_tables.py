@@ -75,7 +75,7 @@ def columns(variant: Mapping[str, float], batch: Batch) -> dict[str, np.ndarray]
     for end in ("end", "start"):
         wrench = getattr(batch, f"{end}_wrench").reshape(rows, 6)
         out |= {f"{end}_{name}": wrench[:, i] for i, name in enumerate(COMPONENTS)}
-    for name in ("total_twist", "energy", "stability_margin", "error_estimate", "iterations"):
+    for name in ("total_twist", "energy", "stability_margin", "error_estimate", "iterations", "overlapping"):
         out[name] = getattr(batch, name).ravel()
     return out
 

@@ -215,6 +215,8 @@ class CableNode(Node):
             if not equilibrium.status.trusted:
                 text = f"{name}: {equilibrium.message} Nothing is published for it."
                 self.get_logger().error(text, throttle_duration_sec=5.0)
+            elif equilibrium.overlaps:
+                self.get_logger().warning(f"{name}: {equilibrium.message}", throttle_duration_sec=5.0)
 
     def _is_time_for(self, what: str, rate: float) -> bool:
         """Whether the next one is due at this rate, Hz; 0: always."""

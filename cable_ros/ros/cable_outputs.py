@@ -30,10 +30,11 @@ _LEVELS = {
 }
 
 
-def level(status: Status) -> bytes:
-    """Diagnostic level of a status."""
-    found: bytes = _LEVELS.get(status, DiagnosticStatus.ERROR)
-    return found
+def level(equilibrium: Equilibrium) -> bytes:
+    """Diagnostic level of a result."""
+    found: bytes = _LEVELS.get(equilibrium.status, DiagnosticStatus.ERROR)
+    # cables that overlap have converged, but to what no real cable does
+    return max(found, DiagnosticStatus.WARN) if equilibrium.overlaps else found
 
 
 class CableOutputs:
@@ -60,7 +61,7 @@ class CableOutputs:
 
     def note(self, equilibrium: Equilibrium) -> None:
         """Remember a result for the diagnostics; the worst one is told, later ones otherwise."""
-        if self.worst is None or level(equilibrium.status) >= level(self.worst.status):
+        if self.worst is None or level(equilibrium) >= level(self.worst):
             self.worst = equilibrium
 
     def wrenches(self, stamp: int, equilibrium: Equilibrium) -> Iterator[tuple[Outlet, bytes]]:
@@ -89,6 +90,10 @@ class CableOutputs:
             return diagnostic(
                 name, DiagnosticStatus.STALE, "Nothing solved since the last report.", {}, hardware_id
             )
+        overlaps = [
+            f"{one.other} at {one.distance:.6g} m, {one.contact_distance:.6g} m to touch"
+            for one in equilibrium.overlaps
+        ]
         values = {
             "status": equilibrium.status.name,
             "solve time [us]": equilibrium.solve_time * 1e6,
@@ -97,9 +102,10 @@ class CableOutputs:
             "stability margin": equilibrium.stability_margin,
             "total twist [rad]": equilibrium.total_twist,
             "energy [J]": equilibrium.energy,
+            **({"overlaps": "; ".join(overlaps)} if overlaps else {}),
             **also,
         }
-        return diagnostic(name, level(equilibrium.status), equilibrium.message, values, hardware_id)
+        return diagnostic(name, level(equilibrium), equilibrium.message, values, hardware_id)
 
     def destroy(self, node: Node) -> None:
         """Withdraw the topics."""

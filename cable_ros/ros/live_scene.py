@@ -79,7 +79,8 @@ class LiveScene:
         self.equilibria: dict[str, Equilibrium] = {}
         self.fresh = True
         """Whether the tracker has solved nothing since it was made or reset."""
-        self.statuses: tuple[Status, ...] = ()
+        self.statuses: tuple[tuple[Status, bool], ...] = ()
+        """Of each cable: its status, and whether it overlaps another or itself."""
 
     def warm_up(self) -> float:
         """Compile and load everything that a joint state will need; returns the seconds that it took."""
@@ -103,7 +104,7 @@ class LiveScene:
 
     def note(self) -> None:
         """Remember how it went, for the diagnostics."""
-        self.statuses = tuple(equilibrium.status for equilibrium in self.equilibria.values())
+        self.statuses = tuple((one.status, bool(one.overlaps)) for one in self.equilibria.values())
         for name, equilibrium in self.equilibria.items():
             self.cables[name].note(equilibrium)
 

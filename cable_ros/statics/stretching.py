@@ -16,6 +16,7 @@ from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.response import clamp_response
 from cable_ros.statics.rod import Rod
+from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.stretching_kernels import (
     advance_stretching,
     moments,
@@ -224,7 +225,8 @@ class StretchingRod(Rod):
                          table.quadrature, places, start, length, points)  # fmt: skip
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        self.refactor(q, F)
+        self.linearize(q, F)
+        self.factor(-NEUTRAL)  # without what is added for stability's sake
         plain = clamp_response(
             q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables,
             self.elastic, self.geometric, self.C, self.mesh.element.order, self.L, self.pivots, self.Y,

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.mechanics.elements import Mesh, primitives
 from cable_ros.statics import compiled
-from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS
-from cable_ros.statics.response import border_response
+from cable_ros.statics.contact_response import Contacts, wrench_response
+from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
 from cable_ros.statics.rod import Rod
-from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.touch_meshes import suited
-from cable_ros.statics.touch_points import CAPACITY, COLUMNS, FRICTION, GRIP, KIND, SAMPLE, held
+from cable_ros.statics.touch_points import (
+    CAPACITY,
+    COLUMNS,
+    FIRST,
+    FORCE,
+    FRICTION,
+    GRIP,
+    KIND,
+    OBSTACLE,
+    PLACE,
+    POINT,
+    SAMPLE,
+    SLIPS,
+    held,
+)
 from cable_ros.statics.touch_resolution import highest_mode, misplaced
 from cable_ros.statics.touch_search import dips, scan
 from cable_ros.statics.touch_system import nodal, point_forces, system
@@ -194,17 +209,29 @@ class BorderedRod(Rod):
         ))  # fmt: skip
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """See `response.clamp_response`; the contacts hold, and friction stays what it is, in the world."""
-        if not self.count:
-            return super().clamp_stiffness(q, F)
+        return self.wrench_response(q, F, ()) if self.count else super().clamp_stiffness(q, F)
+
+    def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
+        """Derivative of the wrenches on clamps and obstacles; see `contact_response.wrench_response`."""
         curve(q, self.h, self.tables[0], self.primitives, self.c)
         self.rows = self.system(q, F, FRICTIONLESS)
-        self.border_factor(-NEUTRAL, 3 + self.count)
-        held = self.held()
-        return np.asarray(border_response(
-            F, F + self.f + held, self.qe, self.elastic, self.geometric, self.V, self.rows, self.lines,
-            self.mesh.element.order, self.L, self.pivots, self.borders, self.complement, self.g,
-        ))  # fmt: skip
+        self.judged = self.ready = False
+        points = self.points[: self.count]
+        kind, pressure = points[:, KIND], points[:, FORCE]
+        which = points[:, OBSTACLE].astype(int)
+        assert self.obstacles is not None
+        rough = (self.obstacles[which, 17] > 0.0) & (pressure > 0.0)
+        contacts = Contacts(
+            places=points[:, PLACE].copy(), obstacles=which, pressure=pressure,
+            friction=points[:, FRICTION : FRICTION + 3], slides=kind == POINT, lifts=kind >= FIRST,
+            sticks=rough & (points[:, SLIPS] == 0.0) & (self.model == COULOMB), across=self.model == SLIDING,
+            give=1.0 / STICK,
+        )  # fmt: skip
+        mesh = (self.h, self.s0, self.mesh.element.nodes, self.tables[0], self.tables[4], self.primitives)
+        return wrench_response(
+            q, F, self.qe, F + self.f + self.held(), self.g, self.C, (self.elastic, self.geometric),
+            self.parts, mesh, self.c, self.obstacles, contacts, moving,
+        )  # fmt: skip
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         if not self.count:
