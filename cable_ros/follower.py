@@ -18,7 +18,7 @@ from cable_ros.mechanics.effects.effect import Properties
 from cable_ros.overlaps import OUTLINE, SPACING, closest_approach, warning
 from cable_ros.scene import Cable, Kinematics
 from cable_ros.solve.status import Status
-from cable_ros.standing import Standing, alone, motion
+from cable_ros.standing import Standing, alone, motion, passes
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
 from cable_ros.statics.detour import too_short
@@ -68,6 +68,7 @@ COARSE = "Contact was followed on a grid, whose estimated error of the end wrenc
 ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
 SINKS = "The cable could not be kept out of what it touches between the places that hold it."
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+CUT = "before a pose was reached another one was asked for, and friction depends on the way"
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
 """What a result says whose stability margin is 0."""
 
@@ -184,6 +185,23 @@ class Follower:
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
     ) -> Equilibrium:
         """The equilibrium at `joints`, the clamps at `poses`; `kinematics` tells of the way there."""
+        towards, cut = self._standing.towards, False
+        if towards is not None:
+            self._standing = replace(self._standing, towards=None)
+            cut = self._model == COULOMB and not passes(self._joints, np.array(towards), joints)
+        if cut and self._rod is not None and _touches(self._rod):
+            self._lose(CUT)
+        found = self._follow(kinematics, index, joints, poses, begin)
+        if cut and found.converged and self._rod is not None and _touches(self._rod):
+            self._lose(CUT)
+            assert self._standing.loss is not None
+            message = self._standing.loss.message
+            found = replace(found, status=Status.BRANCH_LOST, message=message, converged=False)
+        return found
+
+    def _follow(
+        self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
+    ) -> Equilibrium:
         if self._rod is not None and self._resolved != self.tolerance:
             self._resolve()
         rod = self._rod
@@ -318,6 +336,7 @@ class Follower:
             # the mesh must keep up with what the cable does on a long way
             there_poses = kinematics.poses(reached)[index]
             self._finish(Status.UNFINISHED, "", result.iterations, there_poses, begin)
+            self._standing = replace(self._standing, towards=tuple(joints.tolist()))
             unfinished = self.failed(
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )

@@ -77,6 +77,8 @@ class Standing:
     """The last of the snaps through folds that no result has told yet, at most TOLD."""
     more: int = 0
     """Number of such snaps before these."""
+    towards: tuple[float, ...] | None = None
+    """Joint values of the pose to which the way is unfinished."""
 
     def lost(self, told: str, history: bool) -> Standing:
         """After a loss; what was unknown before stays told."""
@@ -100,6 +102,15 @@ class Standing:
         ]
         before = f"{self.more} times before; " if self.more else ""
         return f"{Status.SNAPPED.sentence[:-1]} ({before}{'; '.join(parts)})."
+
+
+def passes(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> bool:
+    """Whether the straight way from a to c, joint values (n,), leads through b."""
+    first, whole = b - a, c - a
+    size = float(whole @ whole)
+    part = float(first @ whole) / size if size > 0.0 else 0.0
+    off = np.abs(first - part * whole).max(initial=0.0)
+    return bool(0.0 <= part <= 1.0 and off <= 1e-9 * (1.0 + np.abs(c).max(initial=0.0)))
 
 
 def motion(a: Conditions, b: Conditions) -> float:

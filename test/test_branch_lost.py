@@ -121,6 +121,21 @@ def test_friction_is_known_again_once_everything_has_slipped_long_enough() -> No
     assert max(wrong[known:]) < 2e-4 * size
 
 
+@pytest.mark.parametrize(("later", "status"), [(1.1, Status.CONVERGED), (0.0, Status.BRANCH_LOST)])
+def test_with_friction_a_way_must_not_be_cut_short(
+    later: float, status: Status, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracker = on_drum(draped(0.0)[1], MU)
+    drawn(tracker, np.array([0.0, 0.02]))
+    monkeypatch.setattr(follower, "WORK", 20_000)
+    assert tracker.solve({"turn": 1.0})["cable"].status is Status.UNFINISHED
+    monkeypatch.undo()
+    # further on it comes by the pose that was asked for; on the way back it does not
+    found = tracker.arrive({"turn": later})["cable"]
+    assert found.status is status
+    assert ("friction depends on the way" in found.message) is (status is Status.BRANCH_LOST)
+
+
 def test_what_sticks_in_between_counts_from_the_beginning() -> None:
     loss = Loss(TOLD, history=True).followed(0.1, slips=False, step=True)
     loss = loss.followed(0.1, slips=True, step=True)
