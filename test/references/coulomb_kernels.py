@@ -208,9 +208,7 @@ def joint(a, b, K, spacing, ga, gb, J):
     relative(a, b, p)
     v = p[1:]
     m = 2.0 * K * v / spacing
-    cross = np.array(
-        [v[1] * m[2] - v[2] * m[1], v[2] * m[0] - v[0] * m[2], v[0] * m[1] - v[1] * m[0]]
-    )
+    cross = np.array([v[1] * m[2] - v[2] * m[1], v[2] * m[0] - v[0] * m[2], v[0] * m[1] - v[1] * m[0]])
     for i in range(3):
         gb[i] = p[0] * m[i] - cross[i]
         ga[i] = -(p[0] * m[i] + cross[i])

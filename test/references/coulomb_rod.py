@@ -32,6 +32,8 @@ JUDGE = 10.0
 not depend on it. Smaller by ten or larger by ten it takes more iterations (hose of issue 10, 100 to 300 segments).
 """
 ITERATIONS = 100
+FARTHEST = 25.0
+"""A node's motion in a step, over the clamp's: what moves farther has jumped, and smaller steps are tried."""
 SMALLEST = 2.0**-8
 """Of a step: where a smaller one is needed there is no equilibrium nearby."""
 
@@ -197,7 +199,8 @@ class _Walk:
             after = np.array([_between(bodies[:, k], to) for k in range(len(self.kinds))]).reshape(-1, 7)
             load = self.w if loads is None else loads[0] + to * (loads[1] - loads[0])
             new = self.solve(self.state, end, after, now, friction=friction, load=load)
-            if new is None:
+            far = FARTHEST * stride * size if friction else np.inf
+            if new is None or np.abs(new.x - self.state.x).max() > far:
                 stride /= 2
                 if stride >= smallest:
                     continue
@@ -239,7 +242,11 @@ class _Walk:
         q = np.ascontiguousarray(sections.as_quat()[:, [3, 0, 1, 2]])
         self.state = _State(x, q, np.zeros((n, 3)), np.zeros((len(self.kinds), n + 1, 3)))
         bodies = np.stack([self.bodies[:, 0]] * 2)
-        push = np.zeros(3) if self.path.push is None else np.asarray(self.path.push) * self.path.length / self.force
+        push = (
+            np.zeros(3)
+            if self.path.push is None
+            else np.asarray(self.path.push) * self.path.length / self.force
+        )
         ends = np.stack([np.concatenate([x[-1], self.ends[0][3:]]), self.ends[0]])
         self.move(ends, bodies, step, friction=False, loads=np.stack([push, self.w + push]))
         if push.any():
@@ -275,12 +282,13 @@ def lead(path: Path, segments: int = 200, step: float = 4e-3) -> Led:
     """Lead the cable along the path. `step`: of the clamp, in lengths of the cable (or half as many rad)."""
     walk = _Walk(path, segments)
     walk.begin(0.02)
-    # what carries the weight at first carries no friction, however it came there
     rows = []
     for i in range(len(path.ends)):
         jumped = False
         if i:
-            jumped = walk.move(walk.ends[i - 1 : i + 1], walk.bodies[:, i - 1 : i + 1].transpose(1, 0, 2), step)
+            jumped = walk.move(
+                walk.ends[i - 1 : i + 1], walk.bodies[:, i - 1 : i + 1].transpose(1, 0, 2), step
+            )
         walk._end = walk.ends[i]
         start, end, twist = walk.read()
         rows.append((end, start, walk.state.x * path.length, walk.state.lam * walk.force, twist, jumped))
