@@ -29,6 +29,9 @@ TRUSTED = (Status.CONVERGED, Status.SNAPPED)
 UNFINISHED, CALLS = "UNFINISHED", 100
 """A status of that name asks for the same pose again; no pose may take more calls."""
 
+LOST = "BRANCH_LOST"
+"""The status of a cable whose branch or history of friction is not known is of that name."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -189,6 +192,11 @@ def answered(tracker: Tracker, joints: Pose) -> tuple[dict[str, Equilibrium], fl
         if not any(answer.status.name == UNFINISHED for answer in answers.values()):
             break
     return answers, longest
+
+
+def lost(found: Equilibrium) -> bool:
+    """Whether the branch was lost, said by its status or, of an answer solved cold, by its message only."""
+    return found.status.name == LOST or "solved anew" in found.message
 
 
 def solve_step(

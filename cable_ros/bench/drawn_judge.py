@@ -27,6 +27,7 @@ from cable_ros.bench.cases import (
     case_scene,
     joint_values,
     judge,
+    lost,
     reach_fault,
     relative_difference,
     rods,
@@ -58,8 +59,6 @@ DRIVEN = 0.2
 step's end, not its mean."""
 NOTHING = 1e-6
 """Friction that is smaller, parts of the largest, is rounding."""
-LOST = "BRANCH_LOST"
-"""Name of the status of a cable whose history is not known."""
 
 
 @dataclass(frozen=True)
@@ -82,13 +81,15 @@ class Judged:
     @property
     def lost(self) -> bool:
         """Whether the branch and with it friction's history was lost, said or half said."""
-        return _lost(self.step.equilibrium)
+        return lost(self.step.equilibrium)
 
     @property
     def wrong(self) -> str | None:
         """What is wrong with what was published as true."""
         if self.step.fault is not None:
             return self.step.fault
+        if self.trusted and self.lost:
+            return f"published as true, but lost: {self.step.equilibrium.message}"
         return (self.inconsistent or self.path_fault) if self.trusted else None
 
     @property
@@ -124,9 +125,9 @@ def run_drawn(case: Case, finer: int = FINER) -> Drawn:
         if finer > 1 and len(case.path) > 1:
             told, _ = _solve(case, scene, refined(case.path, finer))
             poses = _compared(poses, told, finer)
-            lost = next((i for i, one in enumerate(told) if _lost(one)), None)
-            if lost is not None:
-                return Drawn(case, poses, None, f"pose {lost} of {len(told)}: {told[lost].message}")
+            first = next((i for i, one in enumerate(told) if lost(one)), None)
+            if first is not None:
+                return Drawn(case, poses, None, f"pose {first} of {len(told)}: {told[first].message}")
     except Exception as raised:  # an exception is what a case must never end in
         last = traceback.extract_tb(raised.__traceback__)[-1]
         where = f"{os.path.basename(last.filename)}:{last.lineno}"
@@ -236,21 +237,17 @@ def _curve(found: Equilibrium, length: float) -> CubicHermiteSpline:
     return CubicHermiteSpline(np.linspace(0.0, length, len(found.points)), found.points, tangents)
 
 
-def _lost(found: Equilibrium) -> bool:
-    return found.status.name == LOST or "solved anew" in found.message
-
-
 def _compared(poses: Sequence[Judged], finer: Sequence[Equilibrium], parts: int) -> list[Judged]:
     """The poses beside the same poses of the path in `parts` times as many, while both are trusted."""
     unit = np.array([1.0] * 3 + [1.0 / poses[0].step.rod.length] * 3)
     sizes = [float(np.linalg.norm(p.step.equilibrium.end_wrench * unit)) for p in poses if p.trusted]
     floor = SMALL * max(sizes, default=0.0)
     out = []
-    lost = False
+    apart = False
     for i, pose in enumerate(poses):
         fault, other = None, finer[parts * i]
-        lost |= any(_lost(one) for one in finer[max(0, parts * (i - 1) + 1) : parts * i + 1])
-        if pose.trusted and other.status.trusted and not lost:
+        apart |= any(lost(one) for one in finer[max(0, parts * (i - 1) + 1) : parts * i + 1])
+        if pose.trusted and other.status.trusted and not apart:
             wrench = pose.step.equilibrium.end_wrench
             off = relative_difference(wrench, other.end_wrench, pose.step.rod)
             size = float(np.linalg.norm(other.end_wrench * unit))
