@@ -38,6 +38,7 @@ from cable_ros.statics.search import (
 )
 from cable_ros.statics.touch_points import SLIPS
 from cable_ros.statics.touching import TouchingRod
+from cable_ros.statics.travel import CONTACT_STEP, FRICTION_STEP, travel
 from cable_ros.statics.units import Units, relative, relative_change
 from cable_ros.statics.walk import End, Fall, walk
 
@@ -45,8 +46,6 @@ ALGEBRAIC = 1e-3
 """The iteration stops at this part of the tolerance: nothing beside the resolution's error."""
 LONGEST = 0.5
 """Longest step in joint values, rad or m, that may be taken at once: whole turns must not be overlooked."""
-AMONG_OBSTACLES = 0.1
-"""The same where there are obstacles: what is touched on the way decides where the cable ends up."""
 PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
 FREE_WORK = 60_000
@@ -113,8 +112,8 @@ class Follower:
 
     @property
     def _longest(self) -> float:
-        """Longest step that may be taken at once."""
-        return LONGEST if self._obstacles is None else AMONG_OBSTACLES
+        """Longest step among obstacles, lengths."""
+        return CONTACT_STEP if self._model == FRICTIONLESS else FRICTION_STEP
 
     def reset(self) -> None:
         """Forget the equilibrium."""
@@ -211,12 +210,16 @@ class Follower:
         rod.work = FREE_WORK if self._obstacles is None else WORK
         if isinstance(rod, TouchingRod):
             rod.patience = PATIENCE
-        if _farthest(joints, self._joints) > self._longest:
+        if _farthest(joints, self._joints) > LONGEST:
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
         obstacles = self._placed(kinematics, joints, poses)
         if obstacles is not None and (blocked := self._blocked(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
+        if obstacles is not None and (
+            travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) > self._longest
+        ):
+            return self._far(kinematics, index, joints, poses, begin)
         before = None if self._standing.loss is None else _conditions(rod)
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
@@ -314,10 +317,11 @@ class Follower:
             return self._conditions(kinematics, there, kinematics.poses(there)[index], start.qe)
 
         way = float(np.abs(joints - origin).max(initial=0.0))
-        longest = self._longest / max(way, self._longest)
+        longest = LONGEST / max(way, LONGEST)
         carrier = handover.nodal if isinstance(rod, TouchingRod) and rod.model != SLIDING else None
+        first = longest if isinstance(rod, NodalRod) else 0.5 * longest
         result = walk(
-            rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, 0.5 * longest, longest, carrier
+            rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, first, longest, carrier, self._longest
         )
         self._rod = rod = result.rod
         # the rod is where the walk ended, maybe on another mesh: what comes next goes on from there

@@ -27,6 +27,7 @@ from cable_ros.solve import banded
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.rod import Rod
+from cable_ros.statics.travel import FRICTION_STEP, travel
 from cable_ros.statics.units import relative_change
 
 FEWEST, MOST = 64, 192
@@ -37,10 +38,11 @@ NORMAL, TANGENTIAL = 1e4, 1e6
 """Scales of the projections of normal force and friction, EI / L^3."""
 SOFT = 1e-4
 """Compliance of stick, L^3 / EI, at which a solve that failed is tried again first."""
-SEED = 1e-3
-"""Compliance of stick while an equilibrium of another rod is taken over: its friction hardly changes."""
-FARTHEST = 0.02
-"""Largest motion of clamps and obstacles in one step, lengths or rad: friction follows the path in steps."""
+SEED = 2e-5
+"""Motion, lengths, by which stick gives way at most while an equilibrium of another rod is taken over. What
+sticks hardly moves, and friction along a patch hardly changes."""
+FAINT = 1e-2
+"""Friction, EI / L^2, that counts as none there."""
 TOLERANCE = 1e-8
 """Of Newton's method: rotations, positions, relative forces."""
 ROUGH = 1e-3
@@ -168,7 +170,7 @@ class NodalRod(Rod):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One step from the last equilibrium, which (q, F) must be; see `compiled.advance`."""
         assert obstacles is not None
-        if self._far(qe, re, obstacles) > FARTHEST:
+        if travel(self.qe, self.re, self._under, qe, re, obstacles) > FRICTION_STEP:
             return compiled.TOO_FAR, 0, q, F
         kept = self.state.copy()
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
@@ -191,15 +193,9 @@ class NodalRod(Rod):
             self.pair()
         return iterations
 
-    def _far(self, qe: np.ndarray, re: np.ndarray, obstacles: np.ndarray) -> float:
-        """How far clamps and obstacles go, lengths or rad."""
-        turned = 2.0 * min(np.abs(self.qe - qe).max(), np.abs(self.qe + qe).max())
-        gone = np.abs(obstacles[:, 1:13] - self._under[:, 1:13]).max()
-        return max(float(np.abs(re - self.re).max()), float(turned), float(gone))
-
     def _solve(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, drag: float,
-        give: float = COMPLIANCE,
+        give: np.ndarray | None = None,
     ) -> tuple[int, int]:  # fmt: skip
         """Newton's method from the last equilibrium; on failure the state is what it was."""
         state, kept = self.state, self.state.copy()
@@ -210,8 +206,9 @@ class NodalRod(Rod):
         carry_history(state.r, self.frames, self._under, obstacles, carried, turned)
         qe = qe if state.q[-1] @ qe > 0.0 else -qe
         spent = 0
-        stiff = NORMAL, TANGENTIAL, give
-        soft = NORMAL, 1.0 / SOFT, SOFT
+        alike = np.full(state.lam.shape, COMPLIANCE)
+        stiff = NORMAL, TANGENTIAL, alike if give is None else give
+        soft = NORMAL, 1.0 / SOFT, np.full(state.lam.shape, SOFT)
         for ahead, stages in ((True, (stiff,)), (False, (stiff,)), (False, (soft, stiff))):
             if ahead and not (self._moved and extrapolate(state, self.before, re, drag)):
                 continue
@@ -285,7 +282,11 @@ class NodalRod(Rod):
                     state.lam[k, o] += share * max(force @ n, 0.0)
                     state.tau[k, o] += share * (d @ force)
         self.set_conditions(rod.qe, rod.re, rod.f)
-        if self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, SEED)[0] != CONVERGED:
+        give = SEED / np.maximum(state.lam * rod.obstacles[:, FRICTION], FAINT)
+        if (
+            self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, give)[0] != CONVERGED
+            and self._flow(rod.qe, rod.re, rod.f, rod.obstacles, give) is None
+        ):
             return False
         if pair:
             self.pair()
@@ -330,16 +331,23 @@ class NodalRod(Rod):
         Implicit Euler steps of that flow: friction follows the path, and what is not stable is left behind.
         """
         assert self.obstacles is not None
+        spent = self._flow(self.qe, self.re, self.f, self.obstacles)
+        return None if spent is None else (self.shape, self.end_force, spent)
+
+    def _flow(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray,
+        give: np.ndarray | None = None,
+    ) -> int | None:  # fmt: skip
+        """Come to rest in a viscous medium; iterations, or None if that fails, with the state as it was."""
         kept, frames, under = self.state.copy(), self.frames, self._under
-        conditions = self.qe, self.re, self.f, self.obstacles
         drag, spent = DRAG, 0
         self._moved = False
         for _ in range(DRAGS):
             before = self.state.r.copy()
-            code, count = self._solve(*conditions, drag)
+            code, count = self._solve(qe, re, f, obstacles, drag, give)
             spent += count
             if code == CONVERGED and drag == 0.0:
-                return self.state.q.copy(), self.state.F[-1].copy(), spent
+                return spent
             if code == CONVERGED:
                 gone = float(np.abs(self.state.r - before).max())
                 drag *= 0.1 if gone < CALM else 0.5 if gone < 10.0 * CALM else 1.0
@@ -365,7 +373,8 @@ class NodalRod(Rod):
         state = self.state
         step = self._step or Step(
             state.q[-1], state.r[-1], self.f, self._under, np.repeat(state.r[:, None], state.lam.shape[1], 1),
-            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL, COMPLIANCE,
+            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL,
+            np.full(state.lam.shape, COMPLIANCE),
         )  # fmt: skip
         residuals(state, self._model, step, self._work)
         self._size = jacobian(

@@ -13,6 +13,7 @@ from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.search import Conditions, Found, settle
+from cable_ros.statics.travel import travel
 
 SHORTEST = 1e-4
 """Smallest part of the longest step before the branch counts as ended."""
@@ -102,13 +103,15 @@ def walk(
     rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], tolerance: float,
     step: float = 0.25, longest: float = 1.0,
     carrier: Callable[[Rod, np.ndarray, np.ndarray], NodalRod | None] | None = None,
+    farthest: float = np.inf,
 ) -> Walk:  # fmt: skip
     """Follow the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
     A step is halved until the warm-started solve converges from it. If even the smallest does not, the
     cable descends from there to the next stable equilibrium at fixed ends (`fall`). The walk is unfinished
     if the rod has no `work` left; `path` gives end frames whose signs follow the rod's. A rod that fails is
-    replaced by its `carrier`, if it has one, before steps become tiny.
+    replaced by its `carrier`, if it has one, before steps become tiny. Among obstacles no step leads clamps
+    and obstacles `farthest` or more, lengths.
     """
     at, iterations = 0.0, 0
     falls: list[Fall] = []
@@ -125,6 +128,11 @@ def walk(
             return ended(End.UNFINISHED)
         target = min(1.0, at + step)
         conditions, left = path(target), rod.work
+        if rod.obstacles is not None and conditions.obstacles is not None:
+            far = travel(rod.qe, rod.re, rod.obstacles, conditions.qe, conditions.re, conditions.obstacles)
+            if far > farthest:
+                step = (target - at) * max(0.9 * farthest / far, 0.1)
+                continue
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
