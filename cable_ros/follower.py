@@ -397,6 +397,9 @@ class Follower:
                 best = estimate, fine, one
             if estimate <= self.tolerance:
                 break
+        if (best is None or best[0] > self.tolerance) and conditions.obstacles is not None:
+            rested = handover.cold(self._stiffness, self._natural, conditions, hint, self.tolerance)
+            best, found = (best, found) if rested is None else ((0.0, rested, rested), [rested])
         if best is not None and best[0] < np.inf:
             if told:
                 twist = "" if hint is None else f", total twist {hint:.3f} -> {best[1].twist:.3f} rad"

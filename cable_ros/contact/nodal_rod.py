@@ -21,6 +21,7 @@ from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
 from cable_ros.linalg.band_lu import band_factor, band_solve
+from cable_ros.mechanics.effects.contact import gaps
 from cable_ros.mechanics.effects.contact_kernels import across, gap
 from cable_ros.mechanics.elements import Mesh, reference_element
 from cable_ros.solve import banded
@@ -41,6 +42,8 @@ SOFT = 1e-4
 SEED = 2e-5
 """Motion, lengths, by which stick gives way at most while an equilibrium of another rod is taken over. What
 sticks hardly moves, and friction along a patch hardly changes."""
+ASIDE = 0.05
+"""Part of the weight, and of 1 EI / L^3, that acts across a cable that is looked for."""
 FAINT = 1e-2
 """Friction, EI / L^2, that counts as none there."""
 TOLERANCE = 1e-8
@@ -263,9 +266,7 @@ class NodalRod(Rod):
         # neighbours on one side of the sphere of unit quaternions
         signs = np.cumprod(np.sign(np.concatenate(([1.0], np.sum(fresh[1:] * fresh[:-1], axis=1)))))
         state.q[:] = fresh * signs[:, None]
-        tangents = quaternion_tangents(rod.mesh.interpolate(q, self._gauss_places().ravel()))
-        ways = self.h[:, None] * np.einsum("g,mga->ma", self.tables[5], tangents.reshape(m, -1, 3))
-        state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(ways, axis=0)))
+        self._integrate()
         middles = self.s0 + 0.5 * self.h
         for e in range(m):
             state.F[e] = F + forces[places > middles[e]].sum(axis=0) + rod.f * (m - 1 - e) / self.cells
@@ -316,6 +317,37 @@ class NodalRod(Rod):
         new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
         new.twin = None if self.twin is None else self.twin.variant(None, stiffness, natural, scale)
         return new
+
+    def begin(self, q: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> int | None:
+        """Let a shape q (n, 4), free of forces, come to rest; iterations, or None if it does not.
+
+        A load across it, along the y axis of the start clamp, acts at first: of two mirror images the cable
+        takes the one on that side, whatever the last bit.
+        """
+        assert self.obstacles is not None
+        state = self.state
+        for part in state:
+            part[:] = 0.0
+        state.q[:] = q
+        self._integrate()
+        self._under, self._moved = self.obstacles, False
+        aside = np.array([0.0, ASIDE * (1.0 + float(np.linalg.norm(f))), 0.0])
+        leant = self._flow(qe, re, f + aside, self.obstacles)
+        spent = None if leant is None else self._flow(qe, re, f, self.obstacles)
+        return None if leant is None or spent is None else leant + spent
+
+    def depth(self, q: np.ndarray) -> float:
+        """How deep the shape q (n, 4) is inside obstacles, lengths; negative if it is clear of them."""
+        assert self.obstacles is not None
+        self.state.q[:] = q
+        self._integrate()
+        return -min(float(gaps(self.obstacles, r).min()) for r in self.state.r[1:-1])
+
+    def _integrate(self) -> None:
+        """Positions of the boundaries from the frames."""
+        tangents = quaternion_tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
+        ways = self.h[:, None] * np.einsum("g,mga->ma", self.tables[5], tangents.reshape(len(self.h), -1, 3))
+        self.state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(ways, axis=0)))
 
     def _gauss_places(self) -> np.ndarray:
         """(m, g) arc lengths of the quadrature points."""
