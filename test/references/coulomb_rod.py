@@ -113,6 +113,9 @@ class _Walk:
     path: Path
     segments: int
     state: _State = field(init=False)
+    last: _State | None = field(init=False, default=None)
+    """Before the last step, whose part of its move was `stride`."""
+    stride: float = field(init=False, default=1.0)
 
     def __post_init__(self) -> None:
         p = self.path
@@ -144,10 +147,12 @@ class _Walk:
         friction: bool = True,
         load: np.ndarray | None = None,
         drag: float = 0.0,
+        judge: float = JUDGE,
+        guess: _State | None = None,
     ) -> _State | None:
         """One step from `state`, bodies at `before`, to the end pose (7,) with the bodies at (K, 7)."""
         n, count = self.segments, len(self.kinds)
-        new = state.copy()
+        new = (guess or state).copy()
         carried = np.empty((count, n + 1, 3))
         old = np.zeros((count, n + 1, 3))
         frames, origins = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -157,7 +162,8 @@ class _Walk:
             carried[k] = bodies[k, :3] + motion.apply(state.x - before[k, :3])
             old[k] = motion.apply(state.lam[k])
             frames[k], origins[k] = here.as_matrix(), bodies[k, :3]
-        new.lam = old.copy()
+        if guess is None:
+            new.lam = old.copy()
         new.x[-1] = end[:3]
         h = 1.0 / n
         rod = (self.K, self.w if load is None else load, _first(self.start), _first(end), drag)
@@ -168,7 +174,7 @@ class _Walk:
             origins,
             self.mu if friction else 0.0 * self.mu,
             self.path.radius / self.path.length,
-            JUDGE / h**2,
+            judge / h**2,
             GIVE * h**3,
         )
         tolerance = TOLERANCE * (1.0 + float(np.linalg.norm(self.w))) * np.sqrt(n)
@@ -185,10 +191,11 @@ class _Walk:
         *,
         friction: bool = True,
         loads: np.ndarray | None = None,
+        may_jump: bool = True,
     ) -> bool:
         """Lead the end from ends[0] to ends[1], bodies (2, K, 7) and loads (2, 3), the weight if none, alike.
 
-        Returns whether it jumped.
+        Returns whether it jumped; raises ValueError if it may not.
 
         `step`: largest motion of a clamp or body in one step, in lengths of the cable, or half as many rad.
         """
@@ -197,22 +204,42 @@ class _Walk:
         part = 1.0 / max(1, int(np.ceil(size / step)))
         smallest = SMALLEST * part
         at, now = 0.0, bodies[0]
+        self.last = None
         stride = part
         while at < 1.0 - 1e-12:
             to = min(1.0, at + stride)
             end = _between(ends, to)
             after = np.array([_between(bodies[:, k], to) for k in range(len(self.kinds))]).reshape(-1, 7)
             load = self.w if loads is None else loads[0] + to * (loads[1] - loads[0])
-            new = self.solve(self.state, end, after, now, friction=friction, load=load)
+            for judge, start in ((JUDGE, self.onward(stride)), (JUDGE, None), (10 * JUDGE, None)):
+                new = self.solve(
+                    self.state, end, after, now, friction=friction, load=load, judge=judge, guess=start
+                )
+                if new is not None:
+                    break
             far = FARTHEST * stride * size if friction else np.inf
             if new is None or np.abs(new.x - self.state.x).max() > far:
                 stride /= 2
                 if stride >= smallest:
                     continue
+                if not may_jump:
+                    raise ValueError("The rod jumps.")
                 new, jumped, stride = self.settle(end, after, now, friction, load), True, part
+            self.last, self.stride = self.state, to - at
             self.state, at, now = new, to, after
             stride = min(part, 2 * stride)
         return jumped
+
+    def onward(self, stride: float) -> _State | None:
+        """The last step of this move once more, in proportion."""
+        if self.last is None:
+            return None
+        part = stride / self.stride
+        a, b = self.last, self.state
+        x, q, F, lam = (
+            new + part * (new - old) for old, new in ((a.x, b.x), (a.q, b.q), (a.F, b.F), (a.lam, b.lam))
+        )
+        return _State(x, q / np.linalg.norm(q, axis=1)[:, None], F, lam)
 
     def settle(
         self, end: np.ndarray, bodies: np.ndarray, before: np.ndarray, friction: bool, load: np.ndarray
@@ -295,11 +322,8 @@ def lead(path: Path, segments: int = 200, step: float = 4e-3, *, may_jump: bool 
     for i in range(len(path.ends)):
         jumped = False
         if i:
-            jumped = walk.move(
-                walk.ends[i - 1 : i + 1], walk.bodies[:, i - 1 : i + 1].transpose(1, 0, 2), step
-            )
-        if jumped and not may_jump:
-            raise ValueError(f"The rod jumps on the way to pose {i}.")
+            bodies = walk.bodies[:, i - 1 : i + 1].transpose(1, 0, 2)
+            jumped = walk.move(walk.ends[i - 1 : i + 1], bodies, step, may_jump=may_jump)
         walk._end = walk.ends[i]
         start, end, twist = walk.read()
         rows.append((end, start, walk.state.x * path.length, walk.state.lam * walk.force, twist, jumped))

@@ -214,7 +214,8 @@ def refer(hose: Hose) -> Known | None:
     for segments, step in GRIDS:
         try:
             runs.append(lead(hose.path(), segments, step, may_jump=False))
-        except ValueError:
+        except ValueError as problem:
+            print(f"{hose.name}, {segments} segments: {problem}", flush=True)
             return None
         largest = np.linalg.norm(runs[-1].end_wrench[:, :3], axis=1).max()
         if largest > TAUT * hose.length * hose.linear_density * GRAVITY:
@@ -222,6 +223,7 @@ def refer(hose: Hose) -> Known | None:
     coarse, fine = (run.end_wrench[:, :3] for run in runs)
     error = np.linalg.norm(fine - coarse, axis=1) / np.linalg.norm(fine, axis=1)
     if error.max() > GOOD:
+        print(f"{hose.name}: error {error.max():.1e}", flush=True)
         return None
     return Known(hose, rounded(float(runs[-1].total_twist[0])), runs[-1].end_wrench, error)
 
@@ -268,8 +270,6 @@ def generate(count: int) -> Iterator[Known]:
         if found is not None:
             kept += 1
             yield found
-        else:
-            print(f"{random_hose(seed).name}: not kept", flush=True)
         seed += 1
 
 
