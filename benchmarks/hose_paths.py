@@ -1,4 +1,4 @@
-"""Heavy hoses led about on rough ground, against an independent incremental rod: what is trusted, and how far off.
+"""Heavy hoses led about on rough ground against an independent incremental rod: trusted poses, errors.
 
 python benchmarks/hose_paths.py [NAME ...]        # all of test/data/hose_paths.json, or those named
 """

@@ -1,4 +1,4 @@
-"""Heavy hoses led about on rough ground: no force that is published is wrong. All paths: benchmarks/hose_paths.py."""
+"""Heavy hoses led about on rough ground: no published force is wrong. All paths: benchmarks/hose_paths.py."""
 
 from __future__ import annotations
 

@@ -1,46 +1,49 @@
 """A rod led along a path with unilateral contact and Coulomb friction: a fine discrete rod, step by step.
 
-Independent of the solver: chords of equal length with section frames (Lagrange multipliers keep them inextensible
-and unsheared), contact at the nodes, friction by the increments of the nodes over the obstacle (Alart & Curnier,
-semismooth Newton) and a path cut into small steps. Contact and stick give way by a compliance that falls with the
-third power of the segments' length, `GIVE`, so that the traction of what sticks is a matter of its history. The
-error is of second order in the segments without contact, and is told by halving segments and steps with it.
+Independent of the solver: chords of equal length with section frames (Lagrange multipliers keep them
+inextensible and unsheared), contact at the nodes, friction by the increments of the nodes over the obstacle
+(Alart and Curnier 1991, semismooth Newton) and a path cut into small steps. Contact and stick have the
+compliance `GIVE`, which falls with the third power of the segments' length and makes the traction of what
+sticks a matter of its history. Friction acts at the centreline; the nodes at the clamps touch nothing.
+Without contact the error is of second order in the segments; with contact, two resolutions estimate it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from references import coulomb_contact as contact
 from references import coulomb_kernels as kernels
 
 KINDS = {
-    "plane": kernels.PLANE,
-    "sphere": kernels.SPHERE,
-    "capsule": kernels.CAPSULE,
-    "cylinder": kernels.CYLINDER,
-    "box": kernels.BOX,
+    "plane": contact.PLANE,
+    "sphere": contact.SPHERE,
+    "capsule": contact.CAPSULE,
+    "cylinder": contact.CYLINDER,
+    "box": contact.BOX,
 }
 GIVE = 1e-2
 """Compliance of a node's contact and stick, in h^3 / EI: what bending between nodes gives, and less."""
 TOLERANCE = 1e-9
 """Of the residual, relative to the weight and EI / L^2."""
 JUDGE = 10.0
-"""Force per penetration or slip, in EI / (L h^2), by which contact and stick are judged on the way; the result does
-not depend on it. Smaller by ten or larger by ten it takes more iterations (hose of issue 10, 100 to 300 segments).
+"""Alart and Curnier's penalty, in EI / (L h^2): the equilibrium does not depend on it. Ten times smaller or
+larger, it takes more iterations (hose of issue 10, 100 to 300 segments).
 """
-ITERATIONS = 100
+ITERATIONS = 60
 FARTHEST = 25.0
-"""A node's motion in a step, over the clamp's: what moves farther has jumped, and smaller steps are tried."""
+"""Largest motion of a node in a step, over the clamp's; beyond it the rod has jumped."""
 SMALLEST = 2.0**-8
-"""Of a step: where a smaller one is needed there is no equilibrium nearby."""
+"""Smallest fraction of a step; if that fails too, there is no equilibrium nearby."""
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A rigid body that the cable may touch; `values` as in `coulomb_kernels.surface`, m."""
+    """A rigid body that the cable may touch; `values` as in `coulomb_contact.surface`, m."""
 
     kind: str
     values: tuple[float, ...]
@@ -66,10 +69,12 @@ class Path:
     """Of the cable, m."""
     obstacles: tuple[Obstacle, ...] = ()
     bent: tuple[float, float] = (0.0, 1.0)
-    """Fractions of the length between which the shape that the search for the first equilibrium starts from, an
-    unloaded helix between the clamps' directions, is bent; the rest of it is straight."""
+    """Fractions of the length between which the initial guess of the first equilibrium is bent, as a helix
+    between the clamps' directions. The rest of it is straight."""
+    turn: np.ndarray | None = None
+    """(3,) rotation vector of that bend in the start clamp's frame, rad; None: the shortest."""
     push: np.ndarray | None = None
-    """(3,) N/m along the cable while its first equilibrium is sought: the side to which it buckles."""
+    """(3,) extra load, N/m, while the first equilibrium is sought: selects the side to which it buckles."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,9 @@ class _Walk:
     path: Path
     segments: int
     state: _State = field(init=False)
+    last: _State | None = field(init=False, default=None)
+    """Before the last step, whose part of its move was `stride`."""
+    stride: float = field(init=False, default=1.0)
 
     def __post_init__(self) -> None:
         p = self.path
@@ -139,10 +147,12 @@ class _Walk:
         friction: bool = True,
         load: np.ndarray | None = None,
         drag: float = 0.0,
+        judge: float = JUDGE,
+        guess: _State | None = None,
     ) -> _State | None:
         """One step from `state`, bodies at `before`, to the end pose (7,) with the bodies at (K, 7)."""
         n, count = self.segments, len(self.kinds)
-        new = state.copy()
+        new = (guess or state).copy()
         carried = np.empty((count, n + 1, 3))
         old = np.zeros((count, n + 1, 3))
         frames, origins = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -152,23 +162,24 @@ class _Walk:
             carried[k] = bodies[k, :3] + motion.apply(state.x - before[k, :3])
             old[k] = motion.apply(state.lam[k])
             frames[k], origins[k] = here.as_matrix(), bodies[k, :3]
-        new.lam = old.copy()
+        if guess is None:
+            new.lam = old.copy()
         new.x[-1] = end[:3]
         h = 1.0 / n
         rod = (self.K, self.w if load is None else load, _first(self.start), _first(end), drag)
-        contact = (
+        touch = (
             self.kinds,
             self.shapes,
             frames,
             origins,
             self.mu if friction else 0.0 * self.mu,
             self.path.radius / self.path.length,
-            JUDGE / h**2,
+            judge / h**2,
             GIVE * h**3,
         )
         tolerance = TOLERANCE * (1.0 + float(np.linalg.norm(self.w))) * np.sqrt(n)
         done = kernels.newton(
-            new.x, new.q, new.F, new.lam, rod, contact, (carried, old, state.x), tolerance, ITERATIONS
+            new.x, new.q, new.F, new.lam, rod, touch, (carried, old, state.x), tolerance, ITERATIONS
         )
         return None if done < 0 else new
 
@@ -180,10 +191,11 @@ class _Walk:
         *,
         friction: bool = True,
         loads: np.ndarray | None = None,
+        may_jump: bool = True,
     ) -> bool:
         """Lead the end from ends[0] to ends[1], bodies (2, K, 7) and loads (2, 3), the weight if none, alike.
 
-        Returns whether it jumped.
+        Returns whether it jumped; raises ValueError if it may not.
 
         `step`: largest motion of a clamp or body in one step, in lengths of the cable, or half as many rad.
         """
@@ -192,22 +204,42 @@ class _Walk:
         part = 1.0 / max(1, int(np.ceil(size / step)))
         smallest = SMALLEST * part
         at, now = 0.0, bodies[0]
+        self.last = None
         stride = part
         while at < 1.0 - 1e-12:
             to = min(1.0, at + stride)
             end = _between(ends, to)
             after = np.array([_between(bodies[:, k], to) for k in range(len(self.kinds))]).reshape(-1, 7)
             load = self.w if loads is None else loads[0] + to * (loads[1] - loads[0])
-            new = self.solve(self.state, end, after, now, friction=friction, load=load)
+            for judge, start in ((JUDGE, self.onward(stride)), (JUDGE, None), (10 * JUDGE, None)):
+                new = self.solve(
+                    self.state, end, after, now, friction=friction, load=load, judge=judge, guess=start
+                )
+                if new is not None:
+                    break
             far = FARTHEST * stride * size if friction else np.inf
             if new is None or np.abs(new.x - self.state.x).max() > far:
                 stride /= 2
                 if stride >= smallest:
                     continue
+                if not may_jump:
+                    raise ValueError("The rod jumps.")
                 new, jumped, stride = self.settle(end, after, now, friction, load), True, part
+            self.last, self.stride = self.state, to - at
             self.state, at, now = new, to, after
             stride = min(part, 2 * stride)
         return jumped
+
+    def onward(self, stride: float) -> _State | None:
+        """The last step of this move once more, in proportion."""
+        if self.last is None:
+            return None
+        part = stride / self.stride
+        a, b = self.last, self.state
+        x, q, F, lam = (
+            new + part * (new - old) for old, new in ((a.x, b.x), (a.q, b.q), (a.F, b.F), (a.lam, b.lam))
+        )
+        return _State(x, q / np.linalg.norm(q, axis=1)[:, None], F, lam)
 
     def settle(
         self, end: np.ndarray, bodies: np.ndarray, before: np.ndarray, friction: bool, load: np.ndarray
@@ -237,7 +269,8 @@ class _Walk:
         start, end = (Rotation.from_quat(pose[3:]) for pose in (self.start, self.ends[0]))
         low, high = self.path.bent
         parts = np.clip(((np.arange(n) + 0.5) / n - low) / (high - low), 0.0, 1.0)
-        sections = start * Rotation.from_rotvec(np.outer(parts, (start.inv() * end).as_rotvec()))
+        bend = (start.inv() * end).as_rotvec() if self.path.turn is None else np.asarray(self.path.turn)
+        sections = start * Rotation.from_rotvec(np.outer(parts, bend))
         x = self.start[:3] + np.vstack([np.zeros(3), np.cumsum(sections.apply([0.0, 0.0, 1.0]) / n, axis=0)])
         q = np.ascontiguousarray(sections.as_quat()[:, [3, 0, 1, 2]])
         self.state = _State(x, q, np.zeros((n, 3)), np.zeros((len(self.kinds), n + 1, 3)))
@@ -270,7 +303,7 @@ class _Walk:
         units = np.array([self.force] * 3 + [self.unit / self.path.length] * 3)
         frames = np.vstack([_first(self.start), s.q, _first(self._end)])
         twist, p = 0.0, np.empty(4)
-        for a, b in zip(frames[:-1], frames[1:], strict=True):
+        for a, b in pairwise(frames):
             kernels.relative(a, b, p)
             twist += 2 * p[3]
         return wrenches[0] * units, wrenches[1] * units, twist
@@ -278,17 +311,19 @@ class _Walk:
     _end: np.ndarray = field(init=False)
 
 
-def lead(path: Path, segments: int = 200, step: float = 4e-3) -> Led:
-    """Lead the cable along the path. `step`: of the clamp, in lengths of the cable (or half as many rad)."""
+def lead(path: Path, segments: int = 200, step: float = 4e-3, *, may_jump: bool = True) -> Led:
+    """Lead the cable along the path. `step`: of the clamp, in lengths of the cable (or half as many rad).
+
+    Raises ValueError where it does not come to rest after a jump, or jumps although it may not.
+    """
     walk = _Walk(path, segments)
     walk.begin(0.02)
     rows = []
     for i in range(len(path.ends)):
         jumped = False
         if i:
-            jumped = walk.move(
-                walk.ends[i - 1 : i + 1], walk.bodies[:, i - 1 : i + 1].transpose(1, 0, 2), step
-            )
+            bodies = walk.bodies[:, i - 1 : i + 1].transpose(1, 0, 2)
+            jumped = walk.move(walk.ends[i - 1 : i + 1], bodies, step, may_jump=may_jump)
         walk._end = walk.ends[i]
         start, end, twist = walk.read()
         rows.append((end, start, walk.state.x * path.length, walk.state.lam * walk.force, twist, jumped))
