@@ -50,8 +50,8 @@ PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
 FREE_WORK = 60_000
 """Budget of one solve without obstacles, iterations times unknowns: about 50 ms at 0.8 us."""
-WORK = 70_000
-"""The same among obstacles, about 300 ms at 4 us; ways that lead somewhere take a fourth of it."""
+WORK = 150_000
+"""The same among obstacles, about 300 ms at 2 us; ways that lead somewhere take a fourth of it."""
 PROGRESS = 0.01
 """Part of the longest step that a solve must get on with its budget; otherwise it is stuck."""
 TWIST = 1e-2
@@ -270,10 +270,12 @@ class Follower:
     def _no_way(self, conditions: Conditions) -> str:
         """What is in the way of every cable of this length between the clamps; empty where nothing is."""
         obstacles, re = conditions.obstacles, conditions.re
-        return "" if obstacles is None else self._blocked(obstacles, re) or self._barred(obstacles, re)
+        return self._blocked(obstacles, re) or self._barred(obstacles, re)
 
-    def _blocked(self, obstacles: np.ndarray, re: np.ndarray) -> str:
+    def _blocked(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
         """A sentence where a clamp is inside an obstacle, so that no shape of the cable can be right."""
+        if obstacles is None:
+            return ""
         for end, r in (("start", NOTHING), ("end", re)):
             distance, which = nearest(obstacles, r)
             if distance < -CLAMP_DEPTH:
@@ -284,10 +286,10 @@ class Follower:
                 )
         return ""
 
-    def _barred(self, obstacles: np.ndarray, re: np.ndarray) -> str:
+    def _barred(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
         """A sentence where no way past the obstacles is as short as the cable."""
-        found = too_short(re, obstacles, self._reach)
-        if found is None:
+        found = None if obstacles is None else too_short(re, obstacles, self._reach)
+        if found is None or obstacles is None:
             return ""
         missing, which = found
         return (
@@ -302,13 +304,9 @@ class Follower:
         rod = self._rod
         assert rod is not None
         there = self._conditions(kinematics, joints, poses, IDENTITY)
-        if isinstance(rod, NodalRod) and there.obstacles is not None:
-            barred = self._blocked(there.obstacles, there.re)
-        else:
-            barred = self._no_way(there)
-        if np.linalg.norm(there.re) < self._reach and barred:
-            # no walk leads anywhere
-            return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
+        within = there.obstacles is not None and float(np.linalg.norm(there.re)) < self._reach
+        if within and (blocked := self._blocked(there.obstacles, there.re)):
+            return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
         origin, before, start = self._joints, _conditions(rod), rod
 
@@ -345,6 +343,8 @@ class Follower:
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )
             return replace(unfinished, iterations=result.iterations)
+        if within and (barred := self._barred(there.obstacles, there.re)):
+            return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
         beyond = result.end is End.BEYOND_REACH
         why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
         told = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved anew"

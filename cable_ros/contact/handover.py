@@ -24,10 +24,10 @@ SETTLE = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
 """For a descent to the equilibrium beside a shape."""
-FIRST = 1
-"""First of `descent.SPRINGS` for that: softer ones could let the cable through an obstacle."""
-FINER = (8, 16)
-"""Numbers of elements that are tried if the first mesh leads nowhere."""
+TRIALS = ((0, 1), (16, 0), (8, 1), (16, 1))
+"""What is tried in turn: numbers of elements, 0 for those of a search, and the first of `descent.SPRINGS`."""
+WORK = 40_000.0
+"""Budget, iterations times unknowns, of a rod that takes over, if there is less left."""
 TRIES = 6
 """Number of start shapes that a search lets come to rest."""
 GRID = np.linspace(0.0, 1.0, 33)
@@ -42,7 +42,7 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.held()))
     new = NodalRod(rod.K, rod.natural, rod.obstacles, places_for(float(force)), rod.model == COULOMB)
-    new.work = rod.work
+    new.work = max(rod.work, WORK)
     adopted = new.adopt(rod, q, F, points[:, PLACE], forces, points[:, OBSTACLE].astype(int))
     return new if adopted else None
 
@@ -53,15 +53,15 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         return None
     assert rod.obstacles is not None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-    meshes = [first_mesh(conditions, float(rod.totals[4]), tolerance)]
-    meshes += [Mesh(meshes[0].element, np.full(count, 1.0 / count)) for count in FINER]
-    for mesh in meshes:
+    first = first_mesh(conditions, float(rod.totals[4]), tolerance)
+    for count, stage in TRIALS:
+        mesh = Mesh(first.element, np.full(count, 1.0 / count)) if count else first
         new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
         new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
         new.work = rod.work
         q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
         q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
-        result = descend(new, q, rod.state.F[-1], SETTLE, FIRST)
+        result = descend(new, q, rod.state.F[-1], SETTLE, stage)
         if result is None:
             continue
         found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])

@@ -42,8 +42,9 @@ SOFT = 1e-4
 SEED = 2e-5
 """Motion, lengths, by which stick gives way at most while an equilibrium of another rod is taken over. What
 sticks hardly moves, and friction along a patch hardly changes."""
-ASIDE = 0.05
-"""Part of the weight, and of 1 EI / L^3, that acts across a cable that is looked for."""
+ASIDE, SIDE = 0.05, np.array([1.0, 3.0, 2.0]) / np.sqrt(14.0)
+"""Part of the weight, and of 1 EI / L^3, that acts aside at first, and in which direction: none that a drawn
+scene has for its plane of symmetry."""
 FAINT = 1e-2
 """Friction, EI / L^2, that counts as none there."""
 TOLERANCE = 1e-8
@@ -57,6 +58,8 @@ CALM = 0.003
 """Motion in a step of a fall, lengths, below which the drag is reduced tenfold."""
 DRAGS = 80
 """Maximum number of steps of a fall."""
+FLOW_COST = 100
+"""Iterations that a fall that fails is counted as."""
 
 
 def cells(count: int) -> Mesh:
@@ -175,11 +178,20 @@ class NodalRod(Rod):
         assert obstacles is not None
         if travel(self.qe, self.re, self._under, qe, re, obstacles) > FRICTION_STEP:
             return compiled.TOO_FAR, 0, q, F
-        kept = self.state.copy()
+        kept, frames, under = self.state.copy(), self.frames, self._under
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
+        if code != CONVERGED:
+            # what Newton's method cannot do at once a viscous medium does little by little
+            flown = self._flow(qe, re, f, obstacles)
+            iterations += FLOW_COST if flown is None else flown
+            code = code if flown is None else CONVERGED
         self.work -= iterations * len(self.elastic)
         if code != CONVERGED:
             return compiled.NOT_CONTRACTING, iterations, q, F
+        if self._softest() < 0.0:
+            # on the way the branch has lost its stability, as a straight cable that is pressed
+            self._restore(kept, frames, under)
+            return compiled.NOT_CONVEX, iterations, q, F
         self.before.take(kept)
         self._moved = True
         iterations += self._advance_twin(qe, re, f, obstacles)
@@ -319,11 +331,7 @@ class NodalRod(Rod):
         return new
 
     def begin(self, q: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> int | None:
-        """Let a shape q (n, 4), free of forces, come to rest; iterations, or None if it does not.
-
-        A load across it, along the y axis of the start clamp, acts at first: of two mirror images the cable
-        takes the one on that side, whatever the last bit.
-        """
+        """Let a shape q (n, 4), free of forces, come to rest; iterations, or None if it does not."""
         assert self.obstacles is not None
         state = self.state
         for part in state:
@@ -331,10 +339,7 @@ class NodalRod(Rod):
         state.q[:] = q
         self._integrate()
         self._under, self._moved = self.obstacles, False
-        aside = np.array([0.0, ASIDE * (1.0 + float(np.linalg.norm(f))), 0.0])
-        leant = self._flow(qe, re, f + aside, self.obstacles)
-        spent = None if leant is None else self._flow(qe, re, f, self.obstacles)
-        return None if leant is None or spent is None else leant + spent
+        return self._leant(qe, re, f, self.obstacles)
 
     def depth(self, q: np.ndarray) -> float:
         """How deep the shape q (n, 4) is inside obstacles, lengths; negative if it is clear of them."""
@@ -363,8 +368,20 @@ class NodalRod(Rod):
         Implicit Euler steps of that flow: friction follows the path, and what is not stable is left behind.
         """
         assert self.obstacles is not None
-        spent = self._flow(self.qe, self.re, self.f, self.obstacles)
+        spent = self._leant(self.qe, self.re, self.f, self.obstacles)
         return None if spent is None else (self.shape, self.end_force, spent)
+
+    def _leant(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray) -> int | None:
+        """As `_flow`, with a small load in a fixed direction of the start clamp's frame at first.
+
+        Of two mirror images the cable takes the one on that side, whatever the last bit.
+        """
+        aside = ASIDE * (1.0 + float(np.linalg.norm(f))) * SIDE
+        leant = self._flow(qe, re, f + aside, obstacles)
+        spent = None if leant is None else self._flow(qe, re, f, obstacles)
+        if leant is None or spent is None or self._softest() < 0.0:
+            return None
+        return leant + spent
 
     def _flow(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray,
@@ -390,9 +407,14 @@ class NodalRod(Rod):
                 drag *= 5.0
             else:
                 break
-        self.state.take(kept)
-        self.frames, self._under = frames, under
+        self._restore(kept, frames, under)
         return None
+
+    def _restore(self, state: State, frames: np.ndarray, under: np.ndarray) -> None:
+        """Go back to an equilibrium among the obstacles that it was `under`."""
+        self.state.take(state)
+        self.frames, self._under = frames, under
+        self._step, self._moved = None, False
 
     # what a solution says
 
