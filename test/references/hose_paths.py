@@ -5,8 +5,7 @@
 A hose lies on the ground z = 0 from its start clamp at the origin along X; its other end hangs on a hook that
 three prismatic joints x, y, z and a revolute joint, turn, move. Each seed gives one path. It is kept if the
 reference never jumps, its estimated error is below `GOOD` and a cold start of the tracker finds its first
-equilibrium. The scene's `total_twist` selects the first
-equilibrium, one of a mirrored pair if the hose has buckled.
+equilibrium. The scene's `total_twist` selects that one, which is one of a pair if the hose has buckled.
 """
 
 from __future__ import annotations
@@ -231,9 +230,9 @@ def refer(hose: Hose) -> Known | None:
 
 
 def same_start(path: Known) -> bool:
-    """Whether a cold start of the tracker finds the path's first equilibrium among the stable ones of that pose.
+    """Whether a cold start of the tracker finds the path's first equilibrium, of several that are stable.
 
-    The path says what happens after it; the numbers of the reference owe nothing to this.
+    This selects paths only; no number of the reference comes from the tracker.
     """
     tracker = Tracker(load_scene(path.scene(), urdf=path.urdf()))
     found, exact = tracker.solve(path.states()[0])["hose"].end_wrench[:3], path.end_wrench[0, :3]
