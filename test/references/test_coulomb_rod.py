@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from references import contact
+from references import coulomb_contact as node
 from references.coulomb_rod import Led, Obstacle, Path, lead
 from references.equilibria import KNOWN
 from references.free_boundary import GROUND, Lying, Surface, clamp, meet
@@ -135,6 +136,69 @@ def test_ground_drawn_lengthwise_under_a_cable_that_is_lifted() -> None:
         assert error(run.end_wrench[i], made.end_wrench) < 5e-3
         # half a segment's friction at the clamp is missing: 0.5 % of what the whole rod's could be
         assert run.start_wrench[i, 2] == pytest.approx(exact.start_wrench[2], abs=0.01 * friction * 60.0)
+
+
+SHAPES = {
+    node.PLANE: [0.1, 0.2, 0.0, 0.6, 0.0, 0.8, 0.0],
+    node.SPHERE: [0.1, 0.0, 0.2, 0.5, 0.0, 0.0, 0.0],
+    node.CAPSULE: [-0.4, 0.0, 0.1, 0.5, 0.2, 0.0, 0.3],
+    node.CYLINDER: [-0.4, 0.0, 0.1, 0.5, 0.2, 0.0, 0.3],
+    node.BOX: [0.5, 0.3, 0.4, 0.0, 0.0, 0.0, 0.0],
+}
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_distances_and_their_derivatives(kind: int) -> None:
+    shape, step = np.array(SHAPES[kind]), 1e-6
+    n, H, low, high = np.empty(3), np.empty((3, 3)), np.empty(3), np.empty(3)
+    for y in np.random.default_rng(kind).uniform(-1.2, 1.2, (50, 3)):
+        if node.surface(kind, shape, y, n, H) < 0:
+            continue
+        for i, unit in enumerate(step * np.eye(3)):
+            scratch = np.empty((3, 3))
+            b = node.surface(kind, shape, y + unit, high, scratch)
+            a = node.surface(kind, shape, y - unit, low, scratch)
+            assert (b - a) / (2 * step) == pytest.approx(n[i], abs=1e-6)
+            assert (high - low) / (2 * step) == pytest.approx(H[i], abs=1e-4)
+
+
+@pytest.mark.parametrize("state", ["apart", "stick", "slip"])
+def test_derivatives_of_the_law_of_contact(state: str) -> None:
+    shape, r, eps, mu = np.array([0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0]), 10.0, 1e-2, 0.4
+    x, old = np.array([0.3, 0.2, 0.35]), np.array([0.02, -0.01, 0.0])
+    slip = np.array([0.1, -0.05, 0.02]) * (1.0 if state == "slip" else 1e-3)
+    lam = 2.0 * x if state != "apart" else -x
+    scratch = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+
+    def value(move: np.ndarray, change: np.ndarray) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
+        n, H = np.empty(3), np.empty((3, 3))
+        gap = node.surface(node.SPHERE, shape, x + move, n, H)
+        C, A, B = (np.empty_like(a) for a in scratch)
+        case = node.law(lam + change, gap, n, H, slip + move, old, mu, r, eps, C, A, B)
+        return case, C, A, B
+
+    zero, step = np.zeros(3), 1e-6
+    case, _, A, B = value(zero, zero)
+    assert ("apart", "stick", "slip")[case] == state
+    for i, unit in enumerate(step * np.eye(3)):
+        by_force = (value(zero, unit)[1] - value(zero, -unit)[1]) / (2 * step)
+        by_place = (value(unit, zero)[1] - value(-unit, zero)[1]) / (2 * step)
+        assert by_force == pytest.approx(A[:, i], abs=1e-7)
+        assert by_place == pytest.approx(B[:, i], abs=1e-6)
+
+
+def test_an_arch_that_snaps_is_told_and_lands_on_the_other_side() -> None:
+    turns = np.linspace(0.6, -0.8, 8)
+    frames = Rotation.from_rotvec(np.outer(np.pi / 2 + turns, [0.0, 1.0, 0.0]))
+    ends = np.hstack([np.tile([0.9, 0.0, 0.0], (8, 1)), frames.as_quat()])
+    start = np.array([0.0, 0.0, 0.0, *Rotation.from_euler("y", np.pi / 2).as_quat()])
+    path = Path(1.0, np.array([1.0, 1.0, 0.8]), np.zeros(3), start, ends)
+    there = lead(replace(path, push=np.array([0.0, 0.0, 20.0])), 40)
+    back = lead(replace(path, ends=ends[::-1], push=np.array([0.0, 0.0, -20.0])), 40)
+    assert there.points[0, 20, 2] > 0.05
+    assert back.points[0, 20, 2] < -0.05
+    assert there.jumped.sum() == 1
+    assert there.end_wrench[-1] == pytest.approx(back.end_wrench[0], abs=1e-4)
 
 
 def test_what_is_led_in_a_mirror_is_the_mirror_image() -> None:
