@@ -100,7 +100,7 @@ def test_friction_that_cannot_have_come_of_the_step_is_found() -> None:
 
 
 def test_the_last_bits_and_the_number_of_states_do_not_matter() -> None:
-    case = drawn("table", friction=False)
+    case = drawn("slot", friction=False)
     rounded = Rounded()
     rounded.add(case, 3)
     assert rounded.lines == []
