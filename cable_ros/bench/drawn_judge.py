@@ -238,7 +238,12 @@ def _curve(found: Equilibrium, length: float) -> CubicHermiteSpline:
 
 
 def _compared(poses: Sequence[Judged], finer: Sequence[Equilibrium], parts: int) -> list[Judged]:
-    """The poses beside the same poses of the path in `parts` times as many, while both are trusted."""
+    """The poses beside the same poses of the path in `parts` times as many, while both are trusted.
+
+    A path whose first pose has no answer begins elsewhere, and friction remembers where.
+    """
+    if not (poses[0].trusted and finer[0].status.trusted):
+        return list(poses)
     unit = np.array([1.0] * 3 + [1.0 / poses[0].step.rod.length] * 3)
     sizes = [float(np.linalg.norm(p.step.equilibrium.end_wrench * unit)) for p in poses if p.trusted]
     floor = SMALL * max(sizes, default=0.0)

@@ -158,7 +158,7 @@ def drum(rng: Rng, radius: float) -> Drawing:
     size = _one(rng, [0.1, 0.15, 0.2])
     half = _one(rng, [0.3, 0.35])
     low = _one(rng, [-0.1, 0.0, 0.1])
-    start = _one(rng, [45.0, UP, AHEAD])
+    start, top = _one(rng, [AHEAD, AHEAD, 45.0, UP]), _one(rng, [0.2, 0.25, 0.3])
     kind = _one(rng, ["cylinder", "capsule"])
     moves = _there(
         rng,
@@ -172,8 +172,8 @@ def drum(rng: Rng, radius: float) -> Drawing:
             {"y": 0.1},
         ],
     )
-    bar = _bar("drum", kind, 0.0, 0.2 - size, size)
-    return Drawing((-half, low), start, (half, low), -start, [bar], moves, (0.0, 0.2 - size))
+    bar = _bar("drum", kind, 0.0, top - size, size)
+    return Drawing((-half, low), start, (half, low), -start, [bar], moves, (0.0, top - size))
 
 
 def wall(rng: Rng, radius: float) -> Drawing:
@@ -193,13 +193,11 @@ def wall(rng: Rng, radius: float) -> Drawing:
 def beams(rng: Rng, radius: float) -> Drawing:
     """A cable over one or two beams with parallel edges."""
     half = _one(rng, [0.3, 0.35, 0.4])
+    top = _one(rng, [0.2, 0.25])
     places = _one(rng, [[0.0], [-0.1, 0.1], [-0.15, 0.15]])
-    bars = [
-        _box(f"beam {i}", [x - THICK, -0.5, 0.0], [x + THICK, 0.5, 0.1 + 0.0 * i])
-        for i, x in enumerate(places)
-    ]
+    bars = [_box(f"beam {i}", [x - THICK, -0.5, 0.0], [x + THICK, 0.5, top]) for i, x in enumerate(places)]
     low = _one(rng, [0.0, 0.05, 0.1])
-    angle = _one(rng, [AHEAD, 45.0, UP])
+    angle = _one(rng, [AHEAD, AHEAD, 45.0])
     moves = _there(
         rng, [{"z": -0.1}, {"x": 0.05}, {"y": 0.1}, {"along": 0.05}, {"up": 0.05}, {"across": 0.1}]
     )
@@ -210,7 +208,7 @@ def ball(rng: Rng, radius: float) -> Drawing:
     """A cable over a ball under its middle, or beside it."""
     size, half = _one(rng, [0.1, 0.15]), _one(rng, [0.3, 0.35])
     beside = _one(rng, [0.0, 0.0, 0.05])
-    angle, top = _one(rng, [AHEAD, 45.0]), _one(rng, [0.1, 0.2])
+    angle, top = _one(rng, [AHEAD, AHEAD, 45.0]), _one(rng, [0.2, 0.25, 0.3])
     one = {"name": "ball", "sphere": {"center": [0.0, beside, top - size], "radius": size}}
     moves = _there(
         rng, [{"z": -0.1}, {"up": 0.05}, {"across": 0.05}, {"along": 0.1}, {"turn": 30.0}, {"y": 0.05}]
