@@ -31,17 +31,17 @@ from cable_ros.statics.rod import Rod
 from cable_ros.statics.travel import FRICTION_STEP, travel
 from cable_ros.statics.units import relative_change
 
-FEWEST, MOST = 64, 192
+FEWEST, MOST = 80, 192
 """Number of places where it may touch."""
-TWIN = 2.0 / 3.0
+TWIN = 0.75
 """The twin that tells the error has so many times as many."""
-LAYER = 10.0
+LAYER = 11.0
 """Number of them along the length (EI / F)^1/2 over which a cable bends under its force F."""
 NORMAL, TANGENTIAL = 1e4, 1e6
 """Scales of the projections of normal force and friction, EI / L^3."""
 STEP = 0.5 * FRICTION_STEP
 """Longest step, lengths."""
-SOFT = 1e-4
+SOFT = 1e-5
 """Compliance of stick, L^3 / EI, at which a solve that failed is tried again first."""
 SEED = 2e-5
 """Motion, lengths, by which stick gives way at most while an equilibrium of another rod is taken over. What
@@ -62,6 +62,8 @@ CALM = 0.003
 """Motion in a step of a fall, lengths, below which the drag is reduced tenfold."""
 DRAGS = 80
 """Maximum number of steps of a fall."""
+LEAP, LEAST_LEAP = 8.0, 2e-3
+"""A step leads no place of the cable farther than so many times what is led, and so much more, lengths."""
 RARE = 0.2
 """Part of the longest step below which a step that fails is made in a viscous medium."""
 FLOW_COST = 300
@@ -183,17 +185,22 @@ class NodalRod(Rod):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One step from the last equilibrium, which (q, F) must be; see `compiled.advance`."""
         assert obstacles is not None
-        if travel(self.qe, self.re, self._under, qe, re, obstacles) > STEP:
+        way = travel(self.qe, self.re, self._under, qe, re, obstacles)
+        if way > STEP:
             return compiled.TOO_FAR, 0, q, F
         kept, frames, under = self.state.copy(), self.frames, self._under
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
-        if code != CONVERGED and travel(self.qe, self.re, under, qe, re, obstacles) < RARE * STEP:
+        if code != CONVERGED and way < RARE * STEP:
             # what Newton's method cannot do at once a viscous medium does little by little
             flown = self._flow(qe, re, f, obstacles)
             iterations += FLOW_COST if flown is None else flown
             code = code if flown is None else CONVERGED
         self.work -= self.cost * iterations * len(self.elastic)
         if code != CONVERGED:
+            return compiled.NOT_CONTRACTING, iterations, q, F
+        if np.abs(self.state.r - kept.r).max() > LEAP * way + LEAST_LEAP:
+            # an equilibrium, but not the next one
+            self._restore(kept, frames, under)
             return compiled.NOT_CONTRACTING, iterations, q, F
         if self._softest() < 0.0:
             # on the way the branch has lost its stability, as a straight cable that is pressed
@@ -238,8 +245,8 @@ class NodalRod(Rod):
         alike = np.full(state.lam.shape, COMPLIANCE)
         stiff = NORMAL, TANGENTIAL, alike if give is None else give
         soft = NORMAL, 1.0 / SOFT, np.full(state.lam.shape, SOFT)
-        trials = ((True, (stiff,)), (False, (soft, stiff)), (False, (stiff,)))
-        for ahead, stages in trials if drag == 0.0 else trials[2:]:
+        trials = ((True, (stiff,)), (False, (stiff,)), (False, (soft, stiff)))
+        for ahead, stages in trials if drag == 0.0 else trials[1:2]:
             if ahead and not (self._moved and extrapolate(state, self.before, re, drag)):
                 continue
             code = CONVERGED
