@@ -7,6 +7,10 @@ cells only. It carries a step that the other cannot, to an accuracy that the gri
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
 import numpy as np
 
 from cable_ros.contact.nodal_kernels import (
@@ -18,6 +22,7 @@ from cable_ros.contact.nodal_kernels import (
     residuals,
 )
 from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
+from cable_ros.contact.nodal_response import standing, wrench_response
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
 from cable_ros.linalg.band_lu import band_factor, band_solve
@@ -67,6 +72,41 @@ def cells(count: int) -> Mesh:
 def places_for(force: float) -> int:
     """Number of places that a cable wants whose internal force, EI / L^2, is at most `force`."""
     return int(np.clip(32 * np.ceil(LAYER / 32 * np.sqrt(force)), FEWEST, MOST))
+
+
+class Known(NamedTuple):
+    """What is known of an equilibrium with m elements and o obstacles, to make a rod that stands there."""
+
+    state: State
+    frames: np.ndarray
+    """(m + 1, o, 3) the first direction of each contact's frame."""
+    kinds: np.ndarray
+    """(m + 1, o) OPEN, STICK or SLIP."""
+    step: Step | None
+    """The step that led there."""
+    under: np.ndarray
+    """(o, WIDTH) the obstacles there."""
+    conditions: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
+    """What is asked for: end frame (4,), end position (3,), load (3,) and obstacles (o, WIDTH)."""
+
+    def rod(self, like: NodalRod, stiffness: np.ndarray, natural: np.ndarray, scale: float = 1.0) -> NodalRod:
+        """A rod without a twin at this equilibrium, with the cells and the friction of the rod `like`.
+
+        Args:
+            stiffness, natural: as in `Rod`.
+            scale: of forces, new unit over old.
+        """
+        new = NodalRod(stiffness, natural, self.under, like.cells, like.coulomb)
+        new.state.take(self.state)
+        for forces in (new.state.F, new.state.lam, new.state.tau):
+            forces /= scale
+        new.frames, new._work.kinds[:] = self.frames.copy(), self.kinds
+        if self.step is not None:
+            f, tau = self.step.f / scale, self.step.tau / scale
+            new._step = self.step._replace(f=f, tau=tau, turned=new.frames)
+        qe, re, f, obstacles = self.conditions
+        new.set_conditions(qe, re, f / scale, obstacles)
+        return new
 
 
 class NodalRod(Rod):
@@ -244,8 +284,12 @@ class NodalRod(Rod):
         # the directions across go along with the normal from here on
         for k, o in zip(*np.nonzero(state.lam), strict=True):
             self.frames[k, o] = self.contact_frame(k, o)[1][0]
-        self.totals[3] -= float(f @ state.r[1:-1].sum(axis=0)) / self.cells
+        self._weigh()
         self.drift, self.age = 0.0, 0.0
+
+    def _weigh(self) -> None:
+        """Add the weight's potential energy to the elastic one, which is all that `residuals` counts."""
+        self.totals[3] -= float(self.f @ self.state.r[1:-1].sum(axis=0)) / self.cells
 
     # equilibria of other rods
 
@@ -303,18 +347,20 @@ class NodalRod(Rod):
         natural: np.ndarray | None = None, scale: float = 1.0,
     ) -> NodalRod:  # fmt: skip
         """As `Rod.variant`, at the same equilibrium; the mesh stays."""
-        new = NodalRod(
-            self.K if stiffness is None else stiffness,
-            self.natural if natural is None else natural,
-            self._under, self.cells, self.coulomb,
-        )  # fmt: skip
-        new.state.take(self.state)
-        for part in new.state[2:]:
-            part /= scale
-        new.frames = self.frames.copy()
-        new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
+        made_of = self.K if stiffness is None else stiffness, self.natural if natural is None else natural
+        new = self._known().rod(self, *made_of, scale)
         new.twin = None if self.twin is None else self.twin.variant(None, stiffness, natural, scale)
         return new
+
+    def snapshot(self) -> Callable[[], Rod]:
+        return partial(self._known().rod, self, self.K, self.natural)
+
+    def _known(self) -> Known:
+        """A copy of what is known of the last equilibrium."""
+        return Known(
+            self.state.copy(), self.frames.copy(), self._work.kinds.copy(), self._step, self._under,
+            (self.qe, self.re, self.f, self.obstacles),
+        )  # fmt: skip
 
     def _gauss_places(self) -> np.ndarray:
         """(m, g) arc lengths of the quadrature points."""
@@ -362,17 +408,22 @@ class NodalRod(Rod):
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
         """Set up and factor the tangent at the last equilibrium, for the step that led there."""
-        state = self.state
-        step = self._step or Step(
-            state.q[-1], state.r[-1], self.f, self._under, np.repeat(state.r[:, None], state.lam.shape[1], 1),
-            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL, COMPLIANCE,
-        )  # fmt: skip
+        state, step = self.state, self._last_step()
         residuals(state, self._model, step, self._work)
+        self._weigh()
         self._size = jacobian(
             state, self._model, step, self._work, self._tangents, self._rows, self._band.a, self._band.b
         )
         self.drift = 0.0
         return bool(band_factor(self._band.a, *self._size, self._band.pivots))
+
+    def _last_step(self) -> Step:
+        """The step that led to the last equilibrium; if there was none, one that stays there."""
+        state = self.state
+        return self._step or Step(
+            state.q[-1], state.r[-1], self.f, self._under, np.repeat(state.r[:, None], state.lam.shape[1], 1),
+            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL, COMPLIANCE,
+        )  # fmt: skip
 
     def _softest(self) -> float:
         """As `Rod.stability_margin`, of the tangent as contacts and friction are, by inverse iteration."""
@@ -407,7 +458,21 @@ class NodalRod(Rod):
         return self._estimate
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        return np.full((12, 12), np.nan)
+        return self.wrench_response(q, F, ())
+
+    def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
+        """Derivative of the wrenches on clamps and obstacles, see `nodal_response.wrench_response`.
+
+        At the last equilibrium, which (q, F) must be.
+        """
+        state, forces = self.state, self.contact_forces()
+        normal = np.zeros_like(forces)
+        for k, o in zip(*np.nonzero(state.lam), strict=True):
+            normal[k, o] = state.lam[k, o] * self.contact_frame(k, o)[0]
+        step = standing(state, self._last_step(), forces - normal, self.frames, self.sliding())
+        return wrench_response(
+            state, self._model, step, self._work, self._tangents, self._rows, self._band, forces, moving
+        )
 
 
 def quaternion_tangents(q: np.ndarray) -> np.ndarray:
