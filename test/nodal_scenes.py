@@ -66,11 +66,14 @@ def free_rod(conditions: Conditions, stiffness: np.ndarray = STIFFNESS):
     return equilibria(stiffness, None, alone, None)[0]
 
 
-def start(conditions: Conditions, cells: int, friction: bool = True, twin: bool = False) -> NodalRod:
+def start(
+    conditions: Conditions, cells: int, friction: bool = True, twin: bool = False,
+    stiffness: np.ndarray = STIFFNESS,
+) -> NodalRod:  # fmt: skip
     """At an equilibrium where the cable touches nothing yet."""
-    found = free_rod(conditions)
+    found = free_rod(conditions, stiffness)
     assert conditions.obstacles is not None
-    rod = NodalRod(STIFFNESS, None, conditions.obstacles, cells, friction)
+    rod = NodalRod(stiffness, None, conditions.obstacles, cells, friction)
     found.rod.obstacles = conditions.obstacles
     nothing = np.zeros(0)
     assert rod.adopt(found.rod, found.q, found.F, nothing, np.zeros((0, 3)), nothing.astype(int), twin)
@@ -87,7 +90,9 @@ def go(rod: NodalRod, to: Conditions, most: float = 0.9 * FARTHEST) -> NodalRod:
     assert to.obstacles is not None
     qe, re, f, bodies = rod.qe, rod.re, rod.f, rod._under
     turn = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(qe), to.qe))
-    way = max(np.abs(turn).max(), np.abs(to.re - re).max(), np.abs(to.obstacles - bodies)[:, 1:13].max())
+    shift = np.linalg.norm(to.obstacles[:, 1:4] - bodies[:, 1:4], axis=1).max()
+    turned = np.linalg.norm(to.obstacles[:, 4:13] - bodies[:, 4:13], axis=1).max()
+    way = max(np.linalg.norm(turn), np.linalg.norm(to.re - re), shift, turned)
     longest = part = min(1.0, most / max(way, 1e-9))
     at = 0.0
     while at < 1.0:

@@ -59,7 +59,7 @@ def wrench_response(
     """
     residuals(state, model, step, work)
     total, low = jacobian(state, model, step, work, tangents, rows, band.a, band.b)
-    at, touched, M = _contacts(state, step, rows, total, low)
+    at, touched, M = contact_tangents(state, step, rows, total, low)
     k, o = touched
     r, P = state.r[k], forces[k, o]
     qe, re, f = state.q[-1], state.r[-1], step.f
@@ -126,7 +126,7 @@ def wrench_response(
     return out if np.isfinite(out).all() else np.full((motions, motions), np.nan)
 
 
-def _contacts(
+def contact_tangents(
     state: State, step: Step, rows: Rows, total: int, low: int
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray]:
     """Of the c contacts among the unknowns, what their equations and forces are by their own unknowns.

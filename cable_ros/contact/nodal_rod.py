@@ -22,13 +22,13 @@ from cable_ros.contact.nodal_kernels import (
     residuals,
 )
 from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
-from cable_ros.contact.nodal_response import standing, wrench_response
+from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_response
+from cable_ros.contact.nodal_stability import softest
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
-from cable_ros.linalg.band_lu import band_factor, band_solve
+from cable_ros.linalg.band_lu import band_factor
 from cable_ros.mechanics.effects.contact_kernels import across, gap
 from cable_ros.mechanics.elements import Mesh, reference_element
-from cable_ros.solve import banded
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.rod import Rod
@@ -50,7 +50,6 @@ TOLERANCE = 1e-8
 """Of Newton's method: rotations, positions, relative forces."""
 ROUGH = 1e-3
 """Of a solve that only leads to the next."""
-MARGIN_ITERATIONS = 12
 DRAG, FREE, STIFFEST = 1e4, 1e-2, 1e7
 """Drag in a fall, EI / L^4: at first, below which it counts as none, and the most."""
 CALM = 0.003
@@ -206,16 +205,24 @@ class NodalRod(Rod):
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """One step from the last equilibrium, which (q, F) must be; see `compiled.advance`."""
+        """One step from the last equilibrium, which (q, F) must be; see `compiled.advance`.
+
+        Newton's method has no line search and may end on another branch: what turned by more than `limit`,
+        rad, or is unstable, is refused.
+        """
         assert obstacles is not None
         if self._far(qe, re, obstacles) > FARTHEST:
             return compiled.TOO_FAR, 0, q, F
-        kept = self.state.copy()
+        known = self._known()
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
         self.work -= iterations * len(self.elastic)
         if code != CONVERGED:
             return compiled.NOT_CONTRACTING, iterations, q, F
-        self.before.take(kept)
+        least = float(np.abs(np.sum(known.state.q * self.state.q, axis=1)).min())
+        if least < np.cos(0.5 * limit) or self._odd():
+            self._return(known)
+            return compiled.NOT_CONTRACTING, iterations, q, F
+        self.before.take(known.state)
         self._moved = True
         iterations += self._advance_twin(qe, re, f, obstacles)
         return compiled.ADVANCED, iterations, self.state.q.copy(), self.state.F[-1].copy()
@@ -362,6 +369,14 @@ class NodalRod(Rod):
             (self.qe, self.re, self.f, self.obstacles),
         )  # fmt: skip
 
+    def _return(self, known: Known) -> None:
+        """Go back to an equilibrium of this rod."""
+        self.state.take(known.state)
+        self.frames, self._work.kinds[:] = known.frames, known.kinds
+        self._step = None if known.step is None else known.step._replace(turned=known.frames)
+        self._under = known.under
+        self.set_conditions(*known.conditions)
+
     def _gauss_places(self) -> np.ndarray:
         """(m, g) arc lengths of the quadrature points."""
         return np.asarray(self.s0[:, None] + self.h[:, None] * self.tables[4])
@@ -417,6 +432,19 @@ class NodalRod(Rod):
         self.drift = 0.0
         return bool(band_factor(self._band.a, *self._size, self._band.pivots))
 
+    def _odd(self) -> bool:
+        """Whether the last equilibrium has an odd number of unstable modes, told by the determinant's sign.
+
+        Cheaper than `stability_margin`; a stable branch ends where the number becomes one. Each element's
+        three multipliers bring a negative factor each, contacts bring none.
+        """
+        if not self.refactor(self.state.q, self.state.F[-1]):
+            return True
+        total, low = self._size
+        negative = np.count_nonzero(self._band.a[:total, low] < 0.0)
+        swaps = np.count_nonzero(self._band.pivots[:total] != np.arange(total))
+        return (negative + swaps + 3 * len(self.h)) % 2 == 1
+
     def _last_step(self) -> Step:
         """The step that led to the last equilibrium; if there was none, one that stays there."""
         state = self.state
@@ -426,27 +454,10 @@ class NodalRod(Rod):
         )  # fmt: skip
 
     def _softest(self) -> float:
-        """As `Rod.stability_margin`, of the tangent as contacts and friction are, by inverse iteration."""
-        if not self.refactor(self.state.q, self.state.F[-1]):
-            return 0.0
-        total, low = self._size
-        rows = (self._rows.psi[1:-1, None] + np.arange(3)).ravel()
-        v, y = self.waves().copy(), np.empty(len(self.mode))
-        right, out = np.zeros(total), 0.0
-        for _ in range(MARGIN_ITERATIONS):
-            banded.multiply(self.elastic, v, y)
-            right[:] = 0.0
-            right[rows] = y[3:-3]
-            band_solve(self._band.a, total, low, self._band.pivots, right)
-            v[3:-3] = right[rows]
-            size = v @ y
-            banded.multiply(self.elastic, v, y)
-            energy = v @ y
-            if not energy > 0.0:
-                return 0.0
-            out = size / energy
-            v /= np.sqrt(energy)
-        return float(out)
+        """As `Rod.stability_margin`, of contacts and friction as they are; 0 if it is not stable."""
+        self.refactor(self.state.q, self.state.F[-1])
+        at, _, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
+        return softest(self._tangents, self._rows, at, contacts, self.waves())
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Difference of its end wrench from that of its twin, of half as many cells, relative."""

@@ -123,7 +123,7 @@ def plain(at: Sample) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Moments (n, 3), ways (m, 3), forces (m + 1, 3), contacts (m + 1, o, 3) from their definitions."""
     rod, state, step = at.rod, at.rod.state, at.step
     m, zero = len(rod.h), np.zeros(3)
-    g, position = plain_rod.gradients(
+    g, _ = plain_rod.gradients(
         state.q, np.zeros((len(state.q), 3)), state.F, zero, rod.K, rod.natural, rod.mesh
     )
     moments = g.reshape(-1, 3)
