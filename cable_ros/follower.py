@@ -38,6 +38,7 @@ from cable_ros.statics.search import (
 )
 from cable_ros.statics.touch_points import SLIPS
 from cable_ros.statics.touching import TouchingRod
+from cable_ros.statics.travel import CONTACT_STEP, FRICTION_STEP, travel
 from cable_ros.statics.units import Units, relative, relative_change
 from cable_ros.statics.walk import End, Fall, walk
 
@@ -45,14 +46,12 @@ ALGEBRAIC = 1e-3
 """The iteration stops at this part of the tolerance: nothing beside the resolution's error."""
 LONGEST = 0.5
 """Longest step in joint values, rad or m, that may be taken at once: whole turns must not be overlooked."""
-AMONG_OBSTACLES = 0.1
-"""The same where there are obstacles: what is touched on the way decides where the cable ends up."""
 PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
 FREE_WORK = 60_000
 """Budget of one solve without obstacles, iterations times unknowns: about 50 ms at 0.8 us."""
-WORK = 70_000
-"""The same among obstacles, about 300 ms at 4 us; ways that lead somewhere take a fourth of it."""
+WORK = 150_000
+"""The same among obstacles, about 300 ms at 2 us; ways that lead somewhere take a fourth of it."""
 PROGRESS = 0.01
 """Part of the longest step that a solve must get on with its budget; otherwise it is stuck."""
 TWIST = 1e-2
@@ -113,8 +112,8 @@ class Follower:
 
     @property
     def _longest(self) -> float:
-        """Longest step that may be taken at once."""
-        return LONGEST if self._obstacles is None else AMONG_OBSTACLES
+        """Longest step among obstacles, lengths."""
+        return CONTACT_STEP if self._model == FRICTIONLESS else FRICTION_STEP
 
     def reset(self) -> None:
         """Forget the equilibrium."""
@@ -211,12 +210,16 @@ class Follower:
         rod.work = FREE_WORK if self._obstacles is None else WORK
         if isinstance(rod, TouchingRod):
             rod.patience = PATIENCE
-        if _farthest(joints, self._joints) > self._longest:
+        if _farthest(joints, self._joints) > LONGEST:
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
         obstacles = self._placed(kinematics, joints, poses)
         if obstacles is not None and (blocked := self._blocked(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
+        if obstacles is not None and (
+            travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) > self._longest
+        ):
+            return self._far(kinematics, index, joints, poses, begin)
         before = None if self._standing.loss is None else _conditions(rod)
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
@@ -267,10 +270,12 @@ class Follower:
     def _no_way(self, conditions: Conditions) -> str:
         """What is in the way of every cable of this length between the clamps; empty where nothing is."""
         obstacles, re = conditions.obstacles, conditions.re
-        return "" if obstacles is None else self._blocked(obstacles, re) or self._barred(obstacles, re)
+        return self._blocked(obstacles, re) or self._barred(obstacles, re)
 
-    def _blocked(self, obstacles: np.ndarray, re: np.ndarray) -> str:
+    def _blocked(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
         """A sentence where a clamp is inside an obstacle, so that no shape of the cable can be right."""
+        if obstacles is None:
+            return ""
         for end, r in (("start", NOTHING), ("end", re)):
             distance, which = nearest(obstacles, r)
             if distance < -CLAMP_DEPTH:
@@ -281,10 +286,10 @@ class Follower:
                 )
         return ""
 
-    def _barred(self, obstacles: np.ndarray, re: np.ndarray) -> str:
+    def _barred(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
         """A sentence where no way past the obstacles is as short as the cable."""
-        found = too_short(re, obstacles, self._reach)
-        if found is None:
+        found = None if obstacles is None else too_short(re, obstacles, self._reach)
+        if found is None or obstacles is None:
             return ""
         missing, which = found
         return (
@@ -299,13 +304,9 @@ class Follower:
         rod = self._rod
         assert rod is not None
         there = self._conditions(kinematics, joints, poses, IDENTITY)
-        if isinstance(rod, NodalRod) and there.obstacles is not None:
-            barred = self._blocked(there.obstacles, there.re)
-        else:
-            barred = self._no_way(there)
-        if np.linalg.norm(there.re) < self._reach and barred:
-            # no walk leads anywhere
-            return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
+        within = there.obstacles is not None and float(np.linalg.norm(there.re)) < self._reach
+        if within and (blocked := self._blocked(there.obstacles, there.re)):
+            return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
         origin, before, start = self._joints, _conditions(rod), rod
 
@@ -314,10 +315,11 @@ class Follower:
             return self._conditions(kinematics, there, kinematics.poses(there)[index], start.qe)
 
         way = float(np.abs(joints - origin).max(initial=0.0))
-        longest = self._longest / max(way, self._longest)
+        longest = LONGEST / max(way, LONGEST)
         carrier = handover.nodal if isinstance(rod, TouchingRod) and rod.model != SLIDING else None
+        first = longest if isinstance(rod, NodalRod) else 0.5 * longest
         result = walk(
-            rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, 0.5 * longest, longest, carrier
+            rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, first, longest, carrier, self._longest
         )
         self._rod = rod = result.rod
         # the rod is where the walk ended, maybe on another mesh: what comes next goes on from there
@@ -341,6 +343,8 @@ class Follower:
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )
             return replace(unfinished, iterations=result.iterations)
+        if within and (barred := self._barred(there.obstacles, there.re)):
+            return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
         beyond = result.end is End.BEYOND_REACH
         why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
         told = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved anew"
@@ -393,6 +397,9 @@ class Follower:
                 best = estimate, fine, one
             if estimate <= self.tolerance:
                 break
+        if (best is None or best[0] > self.tolerance) and conditions.obstacles is not None:
+            rested = handover.cold(self._stiffness, self._natural, conditions, hint, self.tolerance)
+            best, found = (best, found) if rested is None else ((0.0, rested, rested), [rested])
         if best is not None and best[0] < np.inf:
             if told:
                 twist = "" if hint is None else f", total twist {hint:.3f} -> {best[1].twist:.3f} rad"

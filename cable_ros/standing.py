@@ -16,6 +16,7 @@ ALIKE = 1e-2
 """Relative difference of energy and end moment below which a coarse search has found the same equilibrium."""
 TOLD = 3
 """Number of snaps that one message describes."""
+BY_RULE = ", to the side of two that a small load along (1, 3, 2) of the start clamp's axes takes"
 REMEDY = (
     "It is known again once the cable touches nothing and has no other equilibrium near, or once every "
     "contact slips; until then, call reset (of the node: ~/reset) to take the equilibrium of a cold start."
@@ -97,7 +98,7 @@ class Standing:
         parts = [
             f"total twist {s.twist_before:.3f} -> {s.twist_after:.3f} rad,"
             f" energy {s.energy_before * unit:.4g} -> {s.energy_after * unit:.4g} J"
-            f" at {100 * s.at:.4g} % of the step"
+            f" at {100 * s.at:.4g} % of the step{BY_RULE if s.crossed else ''}"
             for s in self.snaps
         ]
         before = f"{self.more} times before; " if self.more else ""

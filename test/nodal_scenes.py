@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.contact.nodal_rod import FARTHEST, NodalRod
+from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.contact_kernels import BOX, CAPSULE, CYLINDER, PLANE, SPHERE, WIDTH
 from cable_ros.statics import compiled
 from cable_ros.statics.search import Conditions, equilibria
+from cable_ros.statics.travel import FRICTION_STEP
 
 STIFFNESS = np.array([1.3, 1.0, 0.7])
 AHEAD = np.array([1.0, 0.0, 0.0, 0.0])
@@ -85,7 +86,7 @@ def advance(rod: NodalRod, c: Conditions) -> int:
     return rod.advance(rod.shape, rod.end_force, c.qe, c.re, c.f, 1e-8, obstacles=c.obstacles)[0]
 
 
-def go(rod: NodalRod, to: Conditions, most: float = 0.9 * FARTHEST) -> NodalRod:
+def go(rod: NodalRod, to: Conditions, most: float = 0.4 * FRICTION_STEP) -> NodalRod:
     """Go from the last equilibrium in steps of at most `most`, which are halved where one fails."""
     assert to.obstacles is not None
     qe, re, f, bodies = rod.qe, rod.re, rod.f, rod._under

@@ -16,6 +16,7 @@ import zoo_checks as checks
 from references import planar, spatial
 from scipy.spatial.transform import Rotation
 from zoo_contact import CONTACT
+from zoo_hose import PASSING
 from zoo_make import ARM, SKEW, arm, cable, exact, led, solved, turned, without_hint
 
 from cable_ros.bench.carriage import on_carriage
@@ -424,4 +425,5 @@ CASES: tuple[Case, ...] = (
     *folds(),
     *joint_motion(),
     *CONTACT,
+    *PASSING,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,7 +18,10 @@ _AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1", "yaw": "0 0 1", "pitch": "0 1
 def carriage_urdf(orientation: np.ndarray) -> str:
     """URDF whose link `hand` is the clamp, with the quaternion `orientation` when all turns are 0."""
     # A sequence 'xyz' of scipy turns about fixed axes, as a URDF's rpy does.
-    rpy = Rotation.from_quat(orientation).as_euler("xyz")
+    with warnings.catch_warnings():
+        # of many triples of angles, any will do
+        warnings.filterwarnings("ignore", "Gimbal lock")
+        rpy = Rotation.from_quat(orientation).as_euler("xyz")
     links = ["world", *(f"after_{name}" for name in _AXES), "wrist", "hand"]
     text = [f'<link name="{link}"/>' for link in links]
     for name, parent, child in zip(_AXES, links, links[1:], strict=False):

@@ -26,6 +26,11 @@ Pose = Mapping[str, float]
 START_FACTOR = 5.0
 """The tolerance is the end wrench's; the start's own, which may be much smaller, may be this much worse."""
 TRUSTED = (Status.CONVERGED, Status.SNAPPED)
+UNFINISHED, CALLS = "UNFINISHED", 100
+"""A status of that name asks for the same pose again; no pose may take more calls."""
+
+LOST = "BRANCH_LOST"
+"""The status of a cable whose branch or history of friction is not known is of that name."""
 
 
 @dataclass(frozen=True)
@@ -177,13 +182,28 @@ def _clamp_miss(rod: Rod, equilibrium: Equilibrium) -> float:
     return worst
 
 
+def answered(tracker: Tracker, joints: Pose) -> tuple[dict[str, Equilibrium], float]:
+    """The answers at a pose, asked for again while one is not done, and the longest call's wall time, s."""
+    longest = 0.0
+    for _ in range(CALLS):
+        began = time.perf_counter()
+        answers = tracker.solve(dict(joints))
+        longest = max(longest, time.perf_counter() - began)
+        if not any(answer.status.name == UNFINISHED for answer in answers.values()):
+            break
+    return answers, longest
+
+
+def lost(found: Equilibrium) -> bool:
+    """Whether the branch was lost, said by its status or, of an answer solved cold, by its message only."""
+    return found.status.name == LOST or "solved anew" in found.message
+
+
 def solve_step(
     tracker: Tracker, scene: Scene, kinematics: Kinematics, joints: Pose, case: Case
 ) -> list[Step]:
     """One pose: an answer for each cable, judged. Exceptions of the tracker pass through."""
-    began = time.perf_counter()
-    answers = tracker.solve(dict(joints))
-    seconds = time.perf_counter() - began
+    answers, seconds = answered(tracker, joints)
     usable = all(math.isfinite(joints.get(name, math.nan)) for name in kinematics.joint_names)
     at = dict(joints) if usable else dict.fromkeys(kinematics.joint_names, 0.0)
     radii = {cable.name: cable.radius for cable in scene.cables}

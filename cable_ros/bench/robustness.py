@@ -5,21 +5,26 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
+from cable_ros.bench import drawn_table
 from cable_ros.bench.baseline_share import baseline_rows
 from cable_ros.bench.cases import Case, Outcome, Step, run_case
 from cable_ros.bench.contact_fuzz import contact_case
+from cable_ros.bench.drawn import drawn_case
+from cable_ros.bench.drawn_judge import run_drawn
 from cable_ros.bench.fuzz import STEPS, cold_case, tracked_case
 from cable_ros.bench.machine import describe
 from cable_ros.bench.markdown import markdown_table, write_between
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.solve.status import Status
 
+Each = TypeVar("Each")
 SHARE = 0.999
 """Least share of cases that must converge to a verified equilibrium, of those that may have one."""
 SLOW = 1.0
@@ -69,21 +74,28 @@ def run(args: argparse.Namespace) -> int:
     ):
         touching.add(outcome)
     tallies = [tally for tally in (cold, tracked, touching) if tally.answers]
+    drawn = [
+        run_drawn(drawn_case(args.seed, i, args.tolerance))
+        for i in _progress(range(args.drawn), args.drawn, "drawn")
+    ]
     print("\n\n".join(tally.report(args.seed) for tally in tallies))
+    facts = f"Seed {args.seed}, tolerance {args.tolerance:g}; " + ", ".join(
+        f"{name} {fact}" for name, fact in describe().items()
+    )
+    drawn_good = not drawn or drawn_table.publish(drawn, args.markdown, facts)
+    if not tallies:
+        return 0 if drawn_good else 1
     rows = [tally.row() for tally in tallies]
     if args.baselines:
         rows += baseline_rows([cold_case(args.seed, i, args.tolerance) for i in range(args.baselines)])
     table = markdown_table(HEAD, rows)
     print(f"\n{table}")
     if args.markdown:
-        facts = ", ".join(f"{name} {fact}" for name, fact in describe().items())
-        write_between(
-            args.markdown, "fuzz", f"Seed {args.seed}, tolerance {args.tolerance:g}; {facts}.\n\n{table}\n"
-        )
-    return 0 if all(tally.good for tally in tallies) else 1
+        write_between(args.markdown, "fuzz", f"{facts}.\n\n{table}\n")
+    return 0 if drawn_good and all(tally.good for tally in tallies) else 1
 
 
-def _progress(outcomes: Iterator[Outcome], total: int, name: str) -> Iterator[Outcome]:
+def _progress(outcomes: Iterable[Each], total: int, name: str) -> Iterator[Each]:
     from tqdm import tqdm
 
     return iter(tqdm(outcomes, total=total, desc=name, leave=False, disable=not sys.stderr.isatty()))
@@ -91,10 +103,15 @@ def _progress(outcomes: Iterator[Outcome], total: int, name: str) -> Iterator[Ou
 
 def _run_one(args: argparse.Namespace) -> int:
     kind, _, index = args.only.partition(":")
+    if kind == "drawn" and index.isdecimal():
+        one = run_drawn(drawn_case(args.seed, int(index), args.tolerance))
+        print("\n".join([*drawn_table.poses(one), *(drawn_table.lines(one) or ["verified"])]))
+        return 1 if drawn_table.lines(one) else 0
     makers = {"cold": cold_case, "tracked": tracked_case, "contact": contact_case}
     if kind not in makers or not index.isdecimal():
         raise RobustnessError(
-            f"'{args.only}' names no case; give cold:INDEX, tracked:INDEX or contact:INDEX, as a run prints"
+            f"'{args.only}' names no case; give cold:INDEX, tracked:INDEX, contact:INDEX or drawn:INDEX,"
+            " as a run prints"
         )
     outcome = run_case(makers[kind](args.seed, int(index), args.tolerance))
     for i, step in enumerate(outcome.steps):

@@ -11,6 +11,7 @@ from cable_ros.cli._arguments import count, relative_tolerance
 EXAMPLE = """examples:
   cable bench robustness --cases 10000 --seed 1
   cable bench robustness --seed 1 --only cold:4711       one case of a run again
+  cable bench robustness --cases 0 --drawn 2000 --seed 1
   cable bench robustness --zoo test/zoo.py --markdown docs/robustness.md
 
 Exit code 1: an answer that was published as true is not, or fewer than 99.9 % converged."""
@@ -34,12 +35,19 @@ def add_parser(benchmarks: argparse._SubParsersAction[Any]) -> None:
         metavar="N",
         help="scenes with obstacles, 5 poses each (default 0)",
     )
+    parser.add_argument(
+        "--drawn",
+        type=count,
+        default=0,
+        metavar="N",
+        help="scenes as people draw them: planar, on round numbers, led there and back (default 0)",
+    )
     parser.add_argument("--seed", type=count, default=0, metavar="S", help="which random cases (default 0)")
     parser.add_argument(
         "--tolerance", type=relative_tolerance, default=1e-4, metavar="T", help="asked for (default 1e-4)"
     )
     parser.add_argument(
-        "--only", metavar="KIND:INDEX", help="a single case, such as cold:17, tracked:3 or contact:8"
+        "--only", metavar="KIND:INDEX", help="a single case, such as cold:17, tracked:3, contact:8 or drawn:5"
     )
     parser.add_argument(
         "--baselines", type=count, default=0, metavar="N", help="also solve the first N cold cases by those"

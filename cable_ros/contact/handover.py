@@ -7,8 +7,9 @@ import numpy as np
 from cable_ros.contact.nodal_rod import NodalRod, places_for
 from cable_ros.mechanics.elements import Mesh
 from cable_ros.solve.trust_region import Options
-from cable_ros.statics.descent import NEAR, descend
+from cable_ros.statics.descent import descend
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS
+from cable_ros.statics.guess import starts
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.search import Conditions, Found, first_mesh, refine
 from cable_ros.statics.touch_points import FORCE, FRICTION, OBSTACLE, PLACE
@@ -23,6 +24,12 @@ SETTLE = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
 """For a descent to the equilibrium beside a shape."""
+TRIALS = ((0, 1), (16, 0), (8, 1), (16, 1))
+"""What is tried in turn: numbers of elements, 0 for those of a search, and the first of `descent.SPRINGS`."""
+WORK = 40_000.0
+"""Budget, iterations times unknowns, of a rod that takes over, if there is less left."""
+TRIES = 6
+"""Number of start shapes that a search lets come to rest."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -35,7 +42,7 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.held()))
     new = NodalRod(rod.K, rod.natural, rod.obstacles, places_for(float(force)), rod.model == COULOMB)
-    new.work = rod.work
+    new.work = max(rod.work, WORK)
     adopted = new.adopt(rod, q, F, points[:, PLACE], forces, points[:, OBSTACLE].astype(int))
     return new if adopted else None
 
@@ -46,20 +53,43 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         return None
     assert rod.obstacles is not None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-    mesh: Mesh = first_mesh(conditions, float(rod.totals[4]), tolerance)
-    new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
-    new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-    new.work = rod.work
-    q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
-    q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
-    result = descend(new, q, rod.state.F[-1], SETTLE, NEAR)
-    if result is None:
-        return None
-    found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
-    found, estimate = refine(found, tolerance)
-    if estimate > tolerance or not _same(rod, found):
-        return None
-    return found
+    first = first_mesh(conditions, float(rod.totals[4]), tolerance)
+    for count, stage in TRIALS:
+        mesh = Mesh(first.element, np.full(count, 1.0 / count)) if count else first
+        new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
+        new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+        new.work = rod.work
+        q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
+        q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
+        result = descend(new, q, rod.state.F[-1], SETTLE, stage)
+        if result is None:
+            continue
+        found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
+        found, estimate = refine(found, tolerance)
+        if estimate <= tolerance and _same(rod, found):
+            return found
+    return None
+
+
+def cold(
+    stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None, tolerance: float
+) -> Found | None:
+    """An equilibrium that the start shapes come to rest in, those first that are least inside obstacles.
+
+    A last resort: the search by descents from the same shapes has found none.
+    """
+    assert conditions.obstacles is not None
+    load = float(np.linalg.norm(conditions.f))
+    rod = NodalRod(stiffness, natural, conditions.obstacles, places_for(load), coulomb=False)
+    rod.set_conditions(conditions.qe, conditions.re, conditions.f)
+    shapes = list(starts(rod.mesh.nodes, conditions.qe, conditions.re, conditions.f, hint, natural, False))
+    for q in sorted(shapes, key=rod.depth)[:TRIES]:
+        if rod.begin(q, conditions.qe, conditions.re, conditions.f) is None:
+            continue
+        found = exact(rod, tolerance, FRICTIONLESS)
+        if found is not None:
+            return found
+    return None
 
 
 def _same(rod: NodalRod, found: Found) -> bool:

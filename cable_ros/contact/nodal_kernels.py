@@ -164,7 +164,6 @@ def press(state, step, work):
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
     n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
-    scales = step.normal, step.tangential, step.give
     for k in range(1, r.shape[0] - 1):
         for o in range(obstacles.shape[0]):
             phi = gap(obstacles[o], r[k], n, directions, bends)
@@ -175,7 +174,7 @@ def press(state, step, work):
                 continue
             tangent_frame(n, step.turned[k, o], d)
             slid(r[k], step.carried[k, o], d, u)
-            mu = obstacles[o, FRICTION]
+            mu, scales = obstacles[o, FRICTION], (step.normal, step.tangential, step.give[k, o])
             work.kinds[k, o], _, _, _ = project(lam[k, o], tau[k, o], step.tau[k, o], phi, u, mu, scales, out)
             for a in range(3):
                 work.contact[k, o, a] = out[a]

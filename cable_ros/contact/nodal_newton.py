@@ -13,7 +13,7 @@ from cable_ros.mechanics import quaternion
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 CONVERGED, STALLED, SINGULAR = 0, 1, 2
-ITERATIONS = 40
+ITERATIONS = 30
 LARGEST = 0.5
 """A section turns by no more than this in one iteration, rad."""
 FARTHER = 3.0

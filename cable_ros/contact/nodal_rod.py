@@ -23,15 +23,17 @@ from cable_ros.contact.nodal_kernels import (
 )
 from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
 from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_response
-from cable_ros.contact.nodal_stability import softest
+from cable_ros.contact.nodal_stability import ITERATIONS, softest
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
 from cable_ros.linalg.band_lu import band_factor
+from cable_ros.mechanics.effects.contact import gaps
 from cable_ros.mechanics.effects.contact_kernels import across, gap
 from cable_ros.mechanics.elements import Mesh, reference_element
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.rod import Rod
+from cable_ros.statics.travel import FRICTION_STEP, travel
 from cable_ros.statics.units import relative_change
 
 FEWEST, MOST = 64, 192
@@ -42,10 +44,14 @@ NORMAL, TANGENTIAL = 1e4, 1e6
 """Scales of the projections of normal force and friction, EI / L^3."""
 SOFT = 1e-4
 """Compliance of stick, L^3 / EI, at which a solve that failed is tried again first."""
-SEED = 1e-3
-"""Compliance of stick while an equilibrium of another rod is taken over: its friction hardly changes."""
-FARTHEST = 0.02
-"""Largest motion of clamps and obstacles in one step, lengths or rad: friction follows the path in steps."""
+SEED = 2e-5
+"""Motion, lengths, by which stick gives way at most while an equilibrium of another rod is taken over. What
+sticks hardly moves, and friction along a patch hardly changes."""
+ASIDE, SIDE = 0.05, np.array([1.0, 3.0, 2.0]) / np.sqrt(14.0)
+"""Part of the weight, and of 1 EI / L^3, that acts aside at first, and in which direction: none that a drawn
+scene has for its plane of symmetry."""
+FAINT = 1e-2
+"""Friction, EI / L^2, that counts as none there."""
 TOLERANCE = 1e-8
 """Of Newton's method: rotations, positions, relative forces."""
 ROUGH = 1e-3
@@ -56,6 +62,8 @@ CALM = 0.003
 """Motion in a step of a fall, lengths, below which the drag is reduced tenfold."""
 DRAGS = 80
 """Maximum number of steps of a fall."""
+FLOW_COST = 100
+"""Iterations that a fall that fails is counted as."""
 
 
 def cells(count: int) -> Mesh:
@@ -79,8 +87,8 @@ class Known(NamedTuple):
     state: State
     frames: np.ndarray
     """(m + 1, o, 3) the first direction of each contact's frame."""
-    kinds: np.ndarray
-    """(m + 1, o) OPEN, STICK or SLIP."""
+    slips: np.ndarray
+    """(m + 1, o) bool, which contacts slip."""
     step: Step | None
     """The step that led there."""
     under: np.ndarray
@@ -99,7 +107,7 @@ class Known(NamedTuple):
         new.state.take(self.state)
         for forces in (new.state.F, new.state.lam, new.state.tau):
             forces /= scale
-        new.frames, new._work.kinds[:] = self.frames.copy(), self.kinds
+        new.frames, new._slips = self.frames.copy(), self.slips
         if self.step is not None:
             f, tau = self.step.f / scale, self.step.tau / scale
             new._step = self.step._replace(f=f, tau=tau, turned=new.frames)
@@ -137,6 +145,7 @@ class NodalRod(Rod):
         self._size = 0, 0
         self.frames = np.zeros((elements + 1, count, 3))
         self.frames[..., 0] = 1.0
+        self._slips = np.zeros((elements + 1, count), bool)
         self._step: Step | None = None
         self._moved = False  # whether `before` is the equilibrium before the last
         self._model = Model(self.K, self.natural, self.h, self.s0, self.tables)
@@ -190,7 +199,7 @@ class NodalRod(Rod):
 
     def sliding(self) -> np.ndarray:
         """(m + 1, o): which contacts slide."""
-        return (self._work.kinds == SLIP) & (self.state.lam > 0.0)
+        return self._slips
 
     def contacts(self) -> tuple[np.ndarray, ...]:
         """Arc lengths (c,), positions, normals and forces (c, 3), obstacles and whether they slide (c,)."""
@@ -205,23 +214,28 @@ class NodalRod(Rod):
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """One step from the last equilibrium, which (q, F) must be; see `compiled.advance`.
-
-        Newton's method has no line search and may end on another branch: what turned by more than `limit`,
-        rad, or is unstable, is refused.
-        """
+        """One step from the last equilibrium, which (q, F) must be; see `compiled.advance`."""
         assert obstacles is not None
-        if self._far(qe, re, obstacles) > FARTHEST:
+        if travel(self.qe, self.re, self._under, qe, re, obstacles) > FRICTION_STEP:
             return compiled.TOO_FAR, 0, q, F
         known = self._known()
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
+        if code != CONVERGED:
+            # what Newton's method cannot do at once a viscous medium does little by little
+            flown = self._flow(qe, re, f, obstacles)
+            iterations += FLOW_COST if flown is None else flown
+            code = code if flown is None else CONVERGED
         self.work -= iterations * len(self.elastic)
         if code != CONVERGED:
             return compiled.NOT_CONTRACTING, iterations, q, F
-        least = float(np.abs(np.sum(known.state.q * self.state.q, axis=1)).min())
-        if least < np.cos(0.5 * limit) or self._odd():
+        if np.abs(np.sum(known.state.q * self.state.q, axis=1)).min() < np.cos(0.5 * limit):
+            # Newton's method has no line search and can end on another branch
             self._return(known)
             return compiled.NOT_CONTRACTING, iterations, q, F
+        if not self._stable():
+            # on the way the branch has lost its stability, as a straight cable that is pressed
+            self._return(known)
+            return compiled.NOT_CONVEX, iterations, q, F
         self.before.take(known.state)
         self._moved = True
         iterations += self._advance_twin(qe, re, f, obstacles)
@@ -238,15 +252,9 @@ class NodalRod(Rod):
             self.pair()
         return iterations
 
-    def _far(self, qe: np.ndarray, re: np.ndarray, obstacles: np.ndarray) -> float:
-        """How far clamps and obstacles go, lengths or rad."""
-        turned = 2.0 * min(np.abs(self.qe - qe).max(), np.abs(self.qe + qe).max())
-        gone = np.abs(obstacles[:, 1:13] - self._under[:, 1:13]).max()
-        return max(float(np.abs(re - self.re).max()), float(turned), float(gone))
-
     def _solve(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, drag: float,
-        give: float = COMPLIANCE,
+        give: np.ndarray | None = None,
     ) -> tuple[int, int]:  # fmt: skip
         """Newton's method from the last equilibrium; on failure the state is what it was."""
         state, kept = self.state, self.state.copy()
@@ -257,8 +265,9 @@ class NodalRod(Rod):
         carry_history(state.r, self.frames, self._under, obstacles, carried, turned)
         qe = qe if state.q[-1] @ qe > 0.0 else -qe
         spent = 0
-        stiff = NORMAL, TANGENTIAL, give
-        soft = NORMAL, 1.0 / SOFT, SOFT
+        alike = np.full(state.lam.shape, COMPLIANCE)
+        stiff = NORMAL, TANGENTIAL, alike if give is None else give
+        soft = NORMAL, 1.0 / SOFT, np.full(state.lam.shape, SOFT)
         for ahead, stages in ((True, (stiff,)), (False, (stiff,)), (False, (soft, stiff))):
             if ahead and not (self._moved and extrapolate(state, self.before, re, drag)):
                 continue
@@ -288,6 +297,7 @@ class NodalRod(Rod):
         kinds, state = self._work.kinds, self.state
         state.lam[kinds == OPEN] = 0.0
         state.tau[kinds == OPEN] = 0.0
+        self._slips = (kinds == SLIP) & (state.lam > 0.0)
         # the directions across go along with the normal from here on
         for k, o in zip(*np.nonzero(state.lam), strict=True):
             self.frames[k, o] = self.contact_frame(k, o)[1][0]
@@ -317,9 +327,7 @@ class NodalRod(Rod):
         # neighbours on one side of the sphere of unit quaternions
         signs = np.cumprod(np.sign(np.concatenate(([1.0], np.sum(fresh[1:] * fresh[:-1], axis=1)))))
         state.q[:] = fresh * signs[:, None]
-        tangents = quaternion_tangents(rod.mesh.interpolate(q, self._gauss_places().ravel()))
-        ways = self.h[:, None] * np.einsum("g,mga->ma", self.tables[5], tangents.reshape(m, -1, 3))
-        state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(ways, axis=0)))
+        self._integrate()
         middles = self.s0 + 0.5 * self.h
         for e in range(m):
             state.F[e] = F + forces[places > middles[e]].sum(axis=0) + rod.f * (m - 1 - e) / self.cells
@@ -336,7 +344,11 @@ class NodalRod(Rod):
                     state.lam[k, o] += share * max(force @ n, 0.0)
                     state.tau[k, o] += share * (d @ force)
         self.set_conditions(rod.qe, rod.re, rod.f)
-        if self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, SEED)[0] != CONVERGED:
+        give = SEED / np.maximum(state.lam * rod.obstacles[:, FRICTION], FAINT)
+        if (
+            self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, give)[0] != CONVERGED
+            and self._flow(rod.qe, rod.re, rod.f, rod.obstacles, give) is None
+        ):
             return False
         if pair:
             self.pair()
@@ -365,17 +377,41 @@ class NodalRod(Rod):
     def _known(self) -> Known:
         """A copy of what is known of the last equilibrium."""
         return Known(
-            self.state.copy(), self.frames.copy(), self._work.kinds.copy(), self._step, self._under,
+            self.state.copy(), self.frames.copy(), self._slips, self._step, self._under,
             (self.qe, self.re, self.f, self.obstacles),
         )  # fmt: skip
 
     def _return(self, known: Known) -> None:
-        """Go back to an equilibrium of this rod."""
+        """Go back to an equilibrium of this rod, its conditions and its history."""
         self.state.take(known.state)
-        self.frames, self._work.kinds[:] = known.frames, known.kinds
+        self.frames, self._slips = known.frames, known.slips
         self._step = None if known.step is None else known.step._replace(turned=known.frames)
-        self._under = known.under
+        self._under, self._moved = known.under, False
         self.set_conditions(*known.conditions)
+
+    def begin(self, q: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> int | None:
+        """Let a shape q (n, 4), free of forces, come to rest; iterations, or None if it does not."""
+        assert self.obstacles is not None
+        state = self.state
+        for part in state:
+            part[:] = 0.0
+        state.q[:] = q
+        self._integrate()
+        self._under, self._moved = self.obstacles, False
+        return self._leant(qe, re, f, self.obstacles)
+
+    def depth(self, q: np.ndarray) -> float:
+        """How deep the shape q (n, 4) is inside obstacles, lengths; negative if it is clear of them."""
+        assert self.obstacles is not None
+        self.state.q[:] = q
+        self._integrate()
+        return -min(float(gaps(self.obstacles, r).min()) for r in self.state.r[1:-1])
+
+    def _integrate(self) -> None:
+        """Positions of the boundaries from the frames."""
+        tangents = quaternion_tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
+        ways = self.h[:, None] * np.einsum("g,mga->ma", self.tables[5], tangents.reshape(len(self.h), -1, 3))
+        self.state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(ways, axis=0)))
 
     def _gauss_places(self) -> np.ndarray:
         """(m, g) arc lengths of the quadrature points."""
@@ -391,16 +427,35 @@ class NodalRod(Rod):
         Implicit Euler steps of that flow: friction follows the path, and what is not stable is left behind.
         """
         assert self.obstacles is not None
-        kept, frames, under = self.state.copy(), self.frames, self._under
-        conditions = self.qe, self.re, self.f, self.obstacles
+        spent = self._leant(self.qe, self.re, self.f, self.obstacles)
+        return None if spent is None else (self.shape, self.end_force, spent)
+
+    def _leant(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray) -> int | None:
+        """As `_flow`, with a small load in a fixed direction of the start clamp's frame at first.
+
+        Of two mirror images the cable takes the one on that side, whatever the last bit.
+        """
+        aside = ASIDE * (1.0 + float(np.linalg.norm(f))) * SIDE
+        leant = self._flow(qe, re, f + aside, obstacles)
+        spent = None if leant is None else self._flow(qe, re, f, obstacles)
+        if leant is None or spent is None or not self._stable():
+            return None
+        return leant + spent
+
+    def _flow(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray,
+        give: np.ndarray | None = None,
+    ) -> int | None:  # fmt: skip
+        """Come to rest in a viscous medium; iterations, or None if that fails, with the state as it was."""
+        known = self._known()
         drag, spent = DRAG, 0
         self._moved = False
         for _ in range(DRAGS):
             before = self.state.r.copy()
-            code, count = self._solve(*conditions, drag)
+            code, count = self._solve(qe, re, f, obstacles, drag, give)
             spent += count
             if code == CONVERGED and drag == 0.0:
-                return self.state.q.copy(), self.state.F[-1].copy(), spent
+                return spent
             if code == CONVERGED:
                 gone = float(np.abs(self.state.r - before).max())
                 drag *= 0.1 if gone < CALM else 0.5 if gone < 10.0 * CALM else 1.0
@@ -411,8 +466,7 @@ class NodalRod(Rod):
                 drag *= 5.0
             else:
                 break
-        self.state.take(kept)
-        self.frames, self._under = frames, under
+        self._return(known)
         return None
 
     # what a solution says
@@ -432,32 +486,26 @@ class NodalRod(Rod):
         self.drift = 0.0
         return bool(band_factor(self._band.a, *self._size, self._band.pivots))
 
-    def _odd(self) -> bool:
-        """Whether the last equilibrium has an odd number of unstable modes, told by the determinant's sign.
-
-        Cheaper than `stability_margin`; a stable branch ends where the number becomes one. Each element's
-        three multipliers bring a negative factor each, contacts bring none.
-        """
-        if not self.refactor(self.state.q, self.state.F[-1]):
-            return True
-        total, low = self._size
-        negative = np.count_nonzero(self._band.a[:total, low] < 0.0)
-        swaps = np.count_nonzero(self._band.pivots[:total] != np.arange(total))
-        return (negative + swaps + 3 * len(self.h)) % 2 == 1
-
     def _last_step(self) -> Step:
         """The step that led to the last equilibrium; if there was none, one that stays there."""
         state = self.state
         return self._step or Step(
             state.q[-1], state.r[-1], self.f, self._under, np.repeat(state.r[:, None], state.lam.shape[1], 1),
-            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL, COMPLIANCE,
+            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL,
+            np.full(state.lam.shape, COMPLIANCE),
         )  # fmt: skip
 
-    def _softest(self) -> float:
-        """As `Rod.stability_margin`, of contacts and friction as they are; 0 if it is not stable."""
+    def _stable(self) -> bool:
+        return self._softest(1) > 0.0
+
+    def _softest(self, iterations: int = ITERATIONS) -> float:
+        """As `Rod.stability_margin`, of contacts and friction as they are; negative if it is not stable.
+
+        With fewer iterations it is too large.
+        """
         self.refactor(self.state.q, self.state.F[-1])
         at, _, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
-        return softest(self._tangents, self._rows, at, contacts, self.waves())
+        return softest(self._tangents, self._rows, at, contacts, self.waves(), iterations)
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Difference of its end wrench from that of its twin, of half as many cells, relative."""

@@ -90,8 +90,8 @@ class Step(NamedTuple):
     """Scale of the projection of normal forces, EI / L^3."""
     tangential: float
     """Scale of the projection of friction, EI / L^3."""
-    give: float
-    """Compliance of stick, L^3 / EI."""
+    give: np.ndarray
+    """(m + 1, o) compliance of stick, L^3 / EI."""
 
 
 class Work(NamedTuple):

@@ -150,7 +150,7 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
 def press_tangent(state, step, rows, a, b, low):
     """The contacts' part of `jacobian`."""
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
-    rho, grip, give = step.normal, step.tangential, step.give
+    rho, grip = step.normal, step.tangential
     n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
     B, D, N = np.empty((3, 3)), np.empty((2, 3)), np.empty(2)
@@ -166,7 +166,7 @@ def press_tangent(state, step, rows, a, b, low):
             away = 0.0
             for c in range(3):
                 away += n[c] * (r[k, c] - step.carried[k, o, c])
-            mu = obstacles[o, FRICTION]
+            mu, give = obstacles[o, FRICTION], step.give[k, o]
             kind, t0, t1, radius = project(
                 lam[k, o], tau[k, o], step.tau[k, o], phi, u, mu, (rho, grip, give), out
             )

@@ -13,6 +13,7 @@ from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.search import Conditions, Found, settle
+from cable_ros.statics.travel import travel
 
 SHORTEST = 1e-4
 """Smallest part of the longest step before the branch counts as ended."""
@@ -38,6 +39,8 @@ of the margin from the last step's distance; cables away from folds have 0.1 to 
 FOLD = 10.0
 """A fold is shown if the margin's square, falling as measured, is 0 within this many of the last steps; at
 folds of free cables it was within 0.3 to 1.7."""
+ASIDE = 1e-4
+"""Size, root of the elastic energy, of the rotation, always the same one, that a fall starts with."""
 JUMP = 0.05
 """Rotation of a section, rad, that no step of SHORTEST along a branch makes."""
 AWAY = 0.2
@@ -77,11 +80,14 @@ class Fall:
     """How far ahead of it the margin's square vanishes, in steps; inf if it does not fall. Asked only where
     the cable jumped."""
 
+    crossed: bool = False
+    """Whether the branch itself goes on, no longer stable: its margin has passed through 0."""
+
     @property
     def folded(self) -> bool:
-        """Whether the branch ended at a fold: its stability margin ran to 0 there, and the energy fell."""
+        """Whether the branch ended: its stability margin ran to 0 there, and at a fold the energy fell."""
         falls = self.energy_after < self.energy_before
-        return self.margin <= SMALL and self.to_fold <= FOLD and falls
+        return self.crossed or (self.margin <= SMALL and self.to_fold <= FOLD and falls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,13 +108,15 @@ def walk(
     rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], tolerance: float,
     step: float = 0.25, longest: float = 1.0,
     carrier: Callable[[Rod, np.ndarray, np.ndarray], NodalRod | None] | None = None,
+    farthest: float = np.inf,
 ) -> Walk:  # fmt: skip
     """Follow the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
     A step is halved until the warm-started solve converges from it. If even the smallest does not, the
     cable descends from there to the next stable equilibrium at fixed ends (`fall`). The walk is unfinished
     if the rod has no `work` left; `path` gives end frames whose signs follow the rod's. A rod that fails is
-    replaced by its `carrier`, if it has one, before steps become tiny.
+    replaced by its `carrier`, if it has one, before steps become tiny. Among obstacles no step leads clamps
+    and obstacles `farthest` or more, lengths.
     """
     at, iterations = 0.0, 0
     falls: list[Fall] = []
@@ -125,6 +133,11 @@ def walk(
             return ended(End.UNFINISHED)
         target = min(1.0, at + step)
         conditions, left = path(target), rod.work
+        if rod.obstacles is not None and conditions.obstacles is not None:
+            far = travel(rod.qe, rod.re, rod.obstacles, conditions.qe, conditions.re, conditions.obstacles)
+            if far > farthest:
+                step = (target - at) * max(0.9 * farthest / far, 0.1)
+                continue
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
@@ -150,9 +163,12 @@ def walk(
             return ended(End.STUCK)
         if step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
             margins.append((at, rod._softest()))
-        if code != compiled.TOO_FAR and step * 0.5 < SHORTEST * longest:
+        crossed = code == compiled.NOT_CONVEX and rod.remembers
+        if crossed or (code != compiled.TOO_FAR and step * 0.5 < SHORTEST * longest):
             left = rod.work
-            fallen = _fallen(rod, q, F, path, step, margins, tolerance)
+            if crossed:  # the branch goes on, but its margin has passed through 0
+                margins.append((at, 0.0))
+            fallen = _fallen(rod, q, F, path, step, margins, tolerance, crossed)
             if fallen is None:
                 return ended(End.STUCK)
             found, fell = fallen
@@ -172,11 +188,12 @@ def walk(
 
 def _fallen(
     rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], step: float,
-    margins: list[tuple[float, float]], tolerance: float,
+    margins: list[tuple[float, float]], tolerance: float, crossed: bool,
 ) -> tuple[Found, Fall] | None:  # fmt: skip
     """`fall` from the factored equilibrium (q, F) to the end of the step, and what is told of it.
 
-    `margins`: parts of the path and stability margins there, last those of (q, F).
+    `margins`: parts of the path and stability margins there, last those of (q, F); `crossed`: whether the
+    margin is known to be negative at the end of the step.
     """
     at, margin = margins[-1]
     touched = bool(rod.held().any()) and not rod.remembers
@@ -185,11 +202,11 @@ def _fallen(
     if fallen is None:
         return None
     found, energy, twist = fallen
-    jumped, ahead = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), np.inf
-    if jumped:
+    jumped, ahead = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), 0.0 if crossed else np.inf
+    if jumped and not crossed:
         behind = margins[-2:-1] or _behind(standing, q, F, path, at, step, tolerance)
         ahead = min((_to_fold(at, margin, *one) / step for one in behind), default=np.inf)
-    return found, Fall(at, energy, found.energy, twist, found.twist, jumped, touched, margin, ahead)
+    return found, Fall(at, energy, found.energy, twist, found.twist, jumped, touched, margin, ahead, crossed)
 
 
 def _behind(
@@ -234,6 +251,8 @@ def fall(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> tupl
     rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
     q = q.copy()
     q[-1] = conditions.qe if q[-1] @ conditions.qe > 0.0 else -conditions.qe
+    # of two mirror images the same one, whatever the last bit
+    q = rod.retract(q, ASIDE * rod.waves())
     found = settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
     return None if found is None else (found, energy, twist)
 

@@ -22,8 +22,10 @@ from references import contact
 from references.reference import Reference
 
 from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.linalg.band_lu import band_solve
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.contact_kernels import gap
+from cable_ros.solve import banded
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.search import Conditions, refine, settle
@@ -154,7 +156,7 @@ def test_a_mirror_image_has_the_mirror_images_wrench(shape: str) -> None:
 
 @pytest.mark.parametrize("weight", [0.0, 30.0])
 def test_forces_and_moments_balance_with_and_without_weight(weight: float) -> None:
-    rod = pressed("capsule", 0.4, weight=weight, lift=0.08 if weight else 0.3)
+    rod = pressed("capsule", 0.4, weight=weight, lift=0.08 if weight else 0.27)
     assert rod.touches
     state, forces = rod.state, rod.contact_forces()
     assert state.F[0] == pytest.approx(state.F[-1] + rod.f + rod.held(), abs=1e-9)
@@ -274,3 +276,68 @@ def test_a_fall_lands_where_the_free_rods_does() -> None:
     assert off(wrench(rod), exact) < 1e-3
     assert mine.energy == pytest.approx(landed[0].energy, rel=1e-3)
     assert rod.stability_margin() == pytest.approx(free.stability_margin(), rel=0.02)
+
+
+# stability
+
+
+def margins(rod: NodalRod) -> np.ndarray:
+    """All eigenvalues of the tangent with forces eliminated, relative to the elastic stiffness."""
+    assert rod.refactor(rod.shape, rod.end_force)
+    total, low = rod._size
+    rows = (rod._rows.psi[1:-1, None] + np.arange(3)).ravel()
+    n = len(rows)
+    flexible, elastic = np.empty((n, n)), np.empty((n, n))
+    for i in range(n):
+        b, unit, y = np.zeros(total), np.zeros(n + 6), np.empty(n + 6)
+        b[rows[i]] = unit[3 + i] = 1.0
+        band_solve(rod._band.a, total, low, rod._band.pivots, b)
+        banded.multiply(rod.elastic, unit, y)
+        flexible[:, i], elastic[:, i] = b[rows], y[3:-3]
+    inverse = np.linalg.eigvals(flexible @ elastic)
+    return np.sort((1.0 / inverse[np.abs(inverse) > 1e-9]).real)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_margin_is_the_smallest_eigenvalue(shape: str, friction: float) -> None:
+    rod = pressed(shape, friction, cells=32)
+    exact = margins(rod)[0]
+    # friction that slips makes the tangent unsymmetric, which the margin leaves out
+    assert rod.stability_margin() == pytest.approx(exact, rel=0.1 if friction else 5e-3)
+
+
+def test_what_is_unstable_is_told_and_no_step_ends_there() -> None:
+    """A planar cable on smooth ground that rises: it can leave its plane before the ground is at its top."""
+    conditions = Conditions(
+        rotation([0.0, -0.2, 0.0]), np.array([0.05, 0.0, 0.92]), np.array([-30.0, 0.0, 0.0]),
+        ground(-0.4)[None],
+    )  # fmt: skip
+    assert conditions.obstacles is not None
+    rod = start(conditions, 32, friction=False)
+    lift, size, seen = 0.24, 0.004, []
+    go(rod, Conditions(conditions.qe, conditions.re, conditions.f, raised(conditions.obstacles, lift)))
+    while size > 1e-5:
+        there = Conditions(
+            conditions.qe, conditions.re, conditions.f, raised(conditions.obstacles, lift + size)
+        )
+        known, before = rod._known(), rod.state.copy()
+        code = advance(rod, there)
+        if code == compiled.ADVANCED:
+            lift += size
+            assert margins(rod)[0] > 0.0
+            continue
+        for mine, kept in zip(rod.state, before, strict=True):
+            assert np.array_equal(mine, kept)
+        assert np.array_equal(rod._under, known.under)
+        assert rod.re is known.conditions[1]
+        # where Newton's method would have ended
+        if rod._solve(there.qe, there.re, there.f, there.obstacles, 0.0)[0] == 0:
+            seen.append((margins(rod)[0], rod.stability_margin()))
+            rod._return(known)
+        size *= 0.5
+    assert 0.0 < lift < 0.4
+    assert seen
+    for exact, told in seen:
+        assert (exact > 0.0) == (told > 0.0)
+    assert min(exact for exact, _ in seen) < 0.0

@@ -59,7 +59,8 @@ def sample(seed: int, drag: float = 0.0, bodies: np.ndarray | None = None, coulo
     step = Step(
         rotation(rng.normal(size=3)), rng.normal(size=3), 30 * rng.normal(size=3), bodies,
         np.empty((m + 1, count, 3)), np.empty((m + 1, count, 3)), np.zeros((m + 1, count, 2)),
-        state.q.copy(), state.r + 0.1 * rng.normal(size=state.r.shape), drag, 50.0, 80.0, 1e-3,
+        state.q.copy(), state.r + 0.1 * rng.normal(size=state.r.shape), drag, 50.0, 80.0,
+        np.full((m + 1, count), 1e-3),
     )  # fmt: skip
     kinds = rng.permuted(np.resize(KINDS, (m + 1, count)), axis=0)
     for k in range(m + 1):
@@ -150,7 +151,7 @@ def plain(at: Sample) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
             forces[k] -= lam * n + tau @ d
             push = max(0.0, lam - step.normal * (phi + YIELD * lam))
             trial = tau - step.tangential * (
-                d @ (state.r[k] - step.carried[k, o]) + step.give * (tau - step.tau[k, o])
+                d @ (state.r[k] - step.carried[k, o]) + step.give[k, o] * (tau - step.tau[k, o])
             )
             cone = body[17] * push
             size = np.linalg.norm(trial)

@@ -1,0 +1,263 @@
+"""Drawn scenes solved and judged: true by itself, true as a step, and the same in finer steps.
+
+Without friction an answer is verified as among random obstacles. With friction the forces across the normals
+are taken as they are told there, which says nothing of what came before. So beside the cone, two things are
+asked of the path. What slides must not be driven by its friction, and what sticks stays where it is on its
+obstacle. And the same path told in more poses ends in the same wrenches.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation
+
+from cable_ros.bench.cases import (
+    Case,
+    Pose,
+    Step,
+    answered,
+    case_scene,
+    joint_values,
+    judge,
+    lost,
+    reach_fault,
+    relative_difference,
+    rods,
+)
+from cable_ros.bench.drawn import refined
+from cable_ros.bench.touching import surfaces
+from cable_ros.bench.way import shortest
+from cable_ros.equilibrium import Contact, Equilibrium
+from cable_ros.scene import Scene
+from cable_ros.scene.kinematics import Kinematics
+from cable_ros.solve.status import Status
+from cable_ros.tracker import Tracker
+
+FINER = 4
+"""The same path is told in so many times as many poses."""
+SAME = 0.01
+"""Relative difference allowed between wrenches of one pose on the two paths."""
+SMALL = 0.05
+"""Wrenches below this part of the path's largest are compared by that."""
+LOOKED_AT = 24
+"""Of longer paths so many poses are verified, evenly spread, and every one whose status is new."""
+STILL = 1e-4
+"""What sticks may move so far over its obstacle, parts of the length: the accuracy of a position at the
+tolerance of a wrench."""
+DRAWN = 0.5
+"""And so far, parts of what the clamps and the obstacle moved in the step: it may slide before it sticks."""
+DRIVEN = 0.2
+"""Friction of what slides may be driven by this part of what it could take up: its direction is that at the
+step's end, not its mean."""
+NOTHING = 1e-6
+"""Friction that is smaller, parts of the largest, is rounding."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One pose's answer, judged or not."""
+
+    index: int
+    step: Step
+    judged: bool
+    """Whether the answer was looked at, or only counted and timed."""
+    inconsistent: str | None = None
+    """Which contact's friction cannot have come of the step."""
+    path_fault: str | None = None
+    """How it differs from the same pose on the finer path."""
+
+    @property
+    def trusted(self) -> bool:
+        return self.step.equilibrium.status.trusted
+
+    @property
+    def lost(self) -> bool:
+        """Whether the branch and with it friction's history was lost, said or half said."""
+        return lost(self.step.equilibrium)
+
+    @property
+    def wrong(self) -> str | None:
+        """What is wrong with what was published as true."""
+        if self.step.fault is not None:
+            return self.step.fault
+        if self.trusted and self.lost:
+            return f"published as true, but lost: {self.step.equilibrium.message}"
+        return (self.inconsistent or self.path_fault) if self.trusted else None
+
+    @property
+    def verified(self) -> bool:
+        return self.step.verified and self.wrong is None
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What became of one scene."""
+
+    case: Case
+    poses: list[Judged] = field(default_factory=list)
+    raised: str | None = None
+    """An exception: what no path may end in."""
+    finer_lost: str | None = None
+    """Where the finer path lost its history; from there on the two are not compared."""
+
+
+def run_drawn(case: Case, finer: int = FINER) -> Drawn:
+    """Lead a drawn case's cable through its path and judge it; `finer` = 1 leaves the finer path out."""
+    poses: list[Judged] = []
+    try:
+        scene = case_scene(case)
+        kinematics = Kinematics(scene)
+        answers, seconds = _solve(case, scene, case.path)
+        watched = _watched(answers)
+        for i, joints in enumerate(case.path):
+            before = None if i == 0 else (answers[i - 1], case.path[i - 1])
+            poses.append(
+                _judged(case, scene, kinematics, i, joints, answers[i], seconds[i], before, i in watched)
+            )
+        if finer > 1 and len(case.path) > 1:
+            told, _ = _solve(case, scene, refined(case.path, finer))
+            poses = _compared(poses, told, finer)
+            first = next((i for i, one in enumerate(told) if lost(one)), None)
+            if first is not None:
+                return Drawn(case, poses, None, f"pose {first} of {len(told)}: {told[first].message}")
+    except Exception as raised:  # an exception is what a case must never end in
+        last = traceback.extract_tb(raised.__traceback__)[-1]
+        where = f"{os.path.basename(last.filename)}:{last.lineno}"
+        return Drawn(case, poses, f"{type(raised).__name__} at {where}: {raised}")
+    return Drawn(case, poses)
+
+
+def _solve(case: Case, scene: Scene, path: Sequence[Pose]) -> tuple[list[Equilibrium], list[float]]:
+    """The cable's answers along a path, and the wall time of each call, s."""
+    tracker = Tracker(scene, tolerance=case.tolerance, polyline_points=case.polyline_points)
+    (cable,) = scene.cables
+    out, times = [], []
+    for joints in path:
+        answers, seconds = answered(tracker, joints)
+        found = answers[cable.name]
+        found.contacts  # noqa: B018  read off now: the tracker goes on
+        out.append(found)
+        times.append(seconds)
+    return out, times
+
+
+def _watched(answers: Sequence[Equilibrium]) -> set[int]:
+    """Which poses are verified."""
+    count = len(answers)
+    even = {round(i) for i in np.linspace(0, count - 1, min(count, LOOKED_AT))}
+    changed = {
+        i
+        for i, (before, after) in enumerate(pairwise(answers), start=1)
+        if before.status is not after.status or after.message != before.message
+    }
+    return even | changed
+
+
+def _judged(
+    case: Case, scene: Scene, kinematics: Kinematics, index: int, joints: Pose,
+    found: Equilibrium, seconds: float, before: tuple[Equilibrium, Pose] | None, look: bool,
+) -> Judged:  # fmt: skip
+    (cable,) = scene.cables
+    rod = rods(scene, kinematics, joints)[cable.name]
+    verification, fault, way = None, None, None
+    if look:
+        met = surfaces(scene, kinematics, joint_values(kinematics, joints), cable.radius)
+        verification, fault = judge(rod, found, case.tolerance, met)
+        if found.status.name in ("OUT_OF_REACH", "NOT_CONVERGED"):
+            distances = {name: surface.signed for name, surface in met.items()}
+            way = shortest(rod.start[:3], rod.end[:3], rod.length, distances)
+            fault = reach_fault(found, way, rod.length)
+    step = Step(found, rod, verification, seconds, fault, scene, way)
+    inconsistent = None
+    # a fall is no step: what stuck may be torn off
+    if before is not None and all(one.status is Status.CONVERGED for one in (before[0], found)):
+        inconsistent = friction_fault(scene, kinematics, before, (found, joints))
+    return Judged(index, step, look or not found.status.trusted, inconsistent)
+
+
+def friction_fault(
+    scene: Scene,
+    kinematics: Kinematics,
+    before: tuple[Equilibrium, Pose],
+    after: tuple[Equilibrium, Pose],
+) -> str | None:
+    """Which contact's friction cannot have come of a step from one trusted equilibrium to the next.
+
+    The motion of the touching point over its obstacle is that of the centreline's point at its arc length.
+    Only contacts that were there before the step are looked at.
+    """
+    rough = {obstacle.name: i for i, obstacle in enumerate(scene.obstacles) if obstacle.friction}
+    if not rough:
+        return None
+    (cable,) = scene.cables
+    links = [kinematics.obstacle_poses(joint_values(kinematics, joints)) for _, joints in (before, after)]
+    curves = [_curve(found, cable.length) for found, _ in (before, after)]
+    largest = max((float(np.linalg.norm(c.friction)) for c in after[0].contacts), default=0.0)
+    clamps = [found.points[[0, -1]] for found, _ in (before, after)]
+    moved = float(np.linalg.norm(clamps[1] - clamps[0], axis=1).max())
+    for contact in after[0].contacts:
+        if contact.obstacle not in rough or not _known(contact, before[0].contacts, cable.length):
+            continue
+        old, new = (links[k][rough[contact.obstacle]] for k in (0, 1))
+        turn = Rotation.from_quat(new[3:]) * Rotation.from_quat(old[3:]).inv()
+        # where the obstacle would have carried the point that touched it there before
+        carried = new[:3] + turn.apply(curves[0](contact.arc_length) - old[:3])
+        slip = curves[1](contact.arc_length) - carried
+        slip -= (slip @ contact.normal) * contact.normal
+        drag = float(np.linalg.norm(carried - curves[0](contact.arc_length)))
+        size, force = float(np.linalg.norm(slip)), float(np.linalg.norm(contact.friction))
+        where = f"contact with {contact.obstacle} at {contact.arc_length / cable.length:.4f} L"
+        allowed = STILL * cable.length + DRAWN * (moved + drag)
+        if not contact.sliding and size > allowed:
+            return f"{where} is said to stick and moved {size / cable.length:.1e} L"
+        driven = float(contact.friction @ slip) > (DRIVEN * force + NOTHING * largest) * size
+        if contact.sliding and driven and size > STILL * cable.length:
+            return f"{where} slides {size / cable.length:.1e} L the way its friction pushes"
+    return None
+
+
+def _known(contact: Contact, before: Sequence[Contact], length: float) -> bool:
+    """Whether about there the same obstacle was touched before the step."""
+    near = max(contact.length, 0.01 * length)
+    return any(
+        old.obstacle == contact.obstacle and abs(old.arc_length - contact.arc_length) < near for old in before
+    )
+
+
+def _curve(found: Equilibrium, length: float) -> CubicHermiteSpline:
+    tangents = Rotation.from_quat(found.orientations).as_matrix()[:, :, 2]
+    return CubicHermiteSpline(np.linspace(0.0, length, len(found.points)), found.points, tangents)
+
+
+def _compared(poses: Sequence[Judged], finer: Sequence[Equilibrium], parts: int) -> list[Judged]:
+    """The poses beside the same poses of the path in `parts` times as many, while both are trusted.
+
+    A path whose first pose has no answer begins elsewhere, and friction remembers where.
+    """
+    if not (poses[0].trusted and finer[0].status.trusted):
+        return list(poses)
+    unit = np.array([1.0] * 3 + [1.0 / poses[0].step.rod.length] * 3)
+    sizes = [float(np.linalg.norm(p.step.equilibrium.end_wrench * unit)) for p in poses if p.trusted]
+    floor = SMALL * max(sizes, default=0.0)
+    out = []
+    apart = False
+    for i, pose in enumerate(poses):
+        fault, other = None, finer[parts * i]
+        apart |= any(lost(one) for one in finer[max(0, parts * (i - 1) + 1) : parts * i + 1])
+        if pose.trusted and other.status.trusted and not apart:
+            wrench = pose.step.equilibrium.end_wrench
+            off = relative_difference(wrench, other.end_wrench, pose.step.rod)
+            size = float(np.linalg.norm(other.end_wrench * unit))
+            off *= size / max(size, floor, 1e-300)
+            if not off <= SAME or not math.isfinite(off):
+                fault = f"the same path in {parts} times as many poses ends in a wrench {off:.1e} away"
+        out.append(replace(pose, path_fault=fault))
+    return out

@@ -1,0 +1,54 @@
+"""Heavy hoses led about on rough ground: no published force is wrong. All paths: benchmarks/hose_paths.py."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from references.hose_paths import Known, known
+
+from cable_ros import Tracker, load_scene
+
+KNOWN = known()
+FORCE = 0.05
+"""Largest relative error of a trusted end force, beside the reference's own."""
+CHOSEN = ("issue_10_10", "issue_10_30", *(name for name in KNOWN if not name.startswith("issue")))[:8]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What the tracker said at every pose of a path."""
+
+    end_force: np.ndarray
+    """(n, 3) N."""
+    difference: np.ndarray
+    """(n,) of the end force from the reference's, relative."""
+    trusted: np.ndarray
+    """(n,) whether the pose was published."""
+    statuses: list[str]
+    times: np.ndarray
+    """(n,) wall time of every solve, s."""
+
+
+def run(path: Known) -> Compared:
+    """The tracker led along the path."""
+    tracker = Tracker(load_scene(path.scene(), urdf=path.urdf()))
+    found = [tracker.solve(state)["hose"] for state in path.states()]
+    force, exact = np.array([one.end_wrench[:3] for one in found]), path.end_wrench[:, :3]
+    return Compared(
+        force,
+        np.linalg.norm(force - exact, axis=1) / np.linalg.norm(exact, axis=1),
+        np.array([one.status.trusted for one in found]),
+        [one.status.name for one in found],
+        np.array([one.solve_time for one in found]),
+    )
+
+
+@pytest.mark.parametrize("name", CHOSEN)
+def test_no_published_force_is_wrong(name: str) -> None:
+    path = KNOWN[name]
+    led = run(path)
+    off = led.trusted & ~(led.difference <= FORCE + path.error)
+    assert not off.any(), f"poses {np.flatnonzero(off).tolist()}: {np.round(led.difference[off], 3).tolist()}"
+    assert led.trusted.mean() > 0.9
