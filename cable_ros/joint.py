@@ -20,7 +20,7 @@ from cable_ros.tracker import Tracker
 
 
 class JointLoad(NamedTuple):
-    """All cables together, per joint of `Tracker.joint_names`; NaN where an equilibrium is not trusted."""
+    """All cables together, per joint of `Tracker.joint_names`; all NaN if an equilibrium is not trusted."""
 
     torque: np.ndarray
     """(n,) on each joint."""
@@ -46,8 +46,10 @@ def joint_load(
     Jacobians: column i of a clamp's, in its own frame, changes by [J_i, J_k] with a later joint k of its
     chain; column i of an obstacle's, in the world's frame, by [J_k, J_i] with an earlier joint k.
     """
+    n = len(tracker.joint_names)
+    if not _trusted(equilibria):
+        return JointLoad(np.full(n, np.nan), np.full((n, n), np.nan))
     wrenches, jacobians = _wrenches_and_jacobians(tracker, equilibria, joints)
-    n = jacobians.shape[-1]
     torque, stiffness = np.zeros(n), np.zeros((n, n))
     pressed = _pressed_obstacles(tracker, equilibria, joints)
     for cable, J, W in zip(tracker.scene.cables, jacobians, wrenches, strict=True):
@@ -67,12 +69,14 @@ def joint_load(
 def joint_torque(
     tracker: Tracker, equilibria: Mapping[str, Equilibrium], joints: Mapping[str, float], moments: bool = True
 ) -> np.ndarray:
-    """(n,) torque of all cables on each joint; see `joint_load`.
+    """(n,) torque of all cables on each joint, NaN if an equilibrium is not trusted; see `joint_load`.
 
     Args:
         moments: False leaves out the clamps' moments: the forces' arms alone, as (1) of Liu et al. (2018) has
             it; those of contact forces among them.
     """
+    if not _trusted(equilibria):
+        return np.full(len(tracker.joint_names), np.nan)
     wrenches, jacobians = _wrenches_and_jacobians(tracker, equilibria, joints)
     if not moments:
         wrenches[:, [3, 4, 5, 9, 10, 11]] = 0.0
@@ -87,7 +91,10 @@ def joint_torque(
 def joint_stiffness(
     tracker: Tracker, equilibria: Mapping[str, Equilibrium], joints: Mapping[str, float]
 ) -> np.ndarray:
-    """(n, n) derivative of the torque on each joint (row) by each joint value (column); see `joint_load`."""
+    """(n, n) derivative of the torque on each joint (row) by each joint value (column).
+
+    NaN if an equilibrium is not trusted; see `joint_load`.
+    """
     return joint_load(tracker, equilibria, joints).stiffness
 
 
@@ -200,6 +207,11 @@ def _load_on(tracker: Tracker, joint: str, others: Mapping[str, float]) -> Calla
 def _zero(load: Callable[[float], _Load], low: float, high: float) -> float:
     """Where the torque is zero between two values at which its signs differ."""
     return float(brentq(lambda value: load(value).torque, low, high, xtol=1e-12))
+
+
+def _trusted(equilibria: Mapping[str, Equilibrium]) -> bool:
+    """Whether all are; the others may carry the numbers of a last attempt."""
+    return all(found.status.trusted for found in equilibria.values())
 
 
 def _wrenches_and_jacobians(

@@ -13,6 +13,7 @@ from test_friction import MU, draped, on_drum
 from zoo_make import ARM
 
 from cable_ros import Equilibrium, Status, Tracker, follower, load_scene
+from cable_ros.joint import joint_load, joint_stiffness, joint_torque
 from cable_ros.log import events
 from cable_ros.log.resolve import Outcome, resolve
 from cable_ros.log.run import Event, Solve
@@ -56,6 +57,12 @@ def test_what_was_lost_is_told_and_not_trusted(monkeypatch: pytest.MonkeyPatch) 
     for said in ("solved anew", "total twist", "call reset", "~/reset"):
         assert said in lost.message
     assert list(tracker.lost) == ["cable"]
+    # its last attempt makes no torque
+    load = joint_load(tracker, {"cable": lost}, away)
+    assert load.torque.shape == (len(tracker.joint_names),)
+    for numbers in (*load, joint_torque(tracker, {"cable": lost}, away)):
+        assert np.isnan(numbers).all()
+    assert np.isnan(joint_stiffness(tracker, {"cable": lost}, away)).all()
     monkeypatch.undo()
     # a copy of the tracker's state knows it as well
     kept = pickle.loads(pickle.dumps(tracker.snapshot()))

@@ -34,8 +34,8 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 FRICTION = 17
 """Column of an obstacle that holds its coefficient of friction, see `contact_kernels.WIDTH`."""
 COMPLIANCE = 1e-6
-"""L^3 / EI: what sticks gives way by so much per force, less than a grid can tell. With 1e-8 the borders between
-stick and slip move place by place, and Newton's method takes twice as long or does not get there."""
+"""L^3 / EI: what sticks gives way by so much per force, less than a grid can tell. With 1e-8 the borders
+between stick and slip move place by place: Newton's method takes twice as long or does not get there."""
 YIELD = 1e-14
 """L^3 / EI: an obstacle's surface does. Beside it a clamp bears the weight of a length of its fourth root."""
 OPEN, STICK, SLIP = 0, 1, 2

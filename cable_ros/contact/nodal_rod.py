@@ -7,6 +7,10 @@ cells only. It carries a step that the other cannot, to an accuracy that the gri
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
 import numpy as np
 
 from cable_ros.contact.nodal_kernels import (
@@ -18,13 +22,14 @@ from cable_ros.contact.nodal_kernels import (
     residuals,
 )
 from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
+from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_response
+from cable_ros.contact.nodal_stability import ITERATIONS, softest
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
-from cable_ros.linalg.band_lu import band_factor, band_solve
+from cable_ros.linalg.band_lu import band_factor
 from cable_ros.mechanics.effects.contact import gaps
 from cable_ros.mechanics.effects.contact_kernels import across, gap
 from cable_ros.mechanics.elements import Mesh, reference_element
-from cable_ros.solve import banded
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.rod import Rod
@@ -55,7 +60,6 @@ TOLERANCE = 1e-8
 """Of Newton's method: rotations, positions, relative forces."""
 ROUGH = 1e-3
 """Of a solve that only leads to the next."""
-MARGIN_ITERATIONS = 12
 DRAG, FREE, STIFFEST = 1e4, 1e-2, 1e7
 """Drag in a fall, EI / L^4: at first, below which it counts as none, and the most."""
 CALM = 0.003
@@ -83,6 +87,41 @@ def cells(count: int) -> Mesh:
 def places_for(force: float) -> int:
     """Number of places that a cable wants whose internal force, EI / L^2, is at most `force`."""
     return int(np.clip(32 * np.ceil(LAYER / 32 * np.sqrt(force)), FEWEST, MOST))
+
+
+class Known(NamedTuple):
+    """What is known of an equilibrium with m elements and o obstacles, to make a rod that stands there."""
+
+    state: State
+    frames: np.ndarray
+    """(m + 1, o, 3) the first direction of each contact's frame."""
+    slips: np.ndarray
+    """(m + 1, o) bool, which contacts slip."""
+    step: Step | None
+    """The step that led there."""
+    under: np.ndarray
+    """(o, WIDTH) the obstacles there."""
+    conditions: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
+    """What is asked for: end frame (4,), end position (3,), load (3,) and obstacles (o, WIDTH)."""
+
+    def rod(self, like: NodalRod, stiffness: np.ndarray, natural: np.ndarray, scale: float = 1.0) -> NodalRod:
+        """A rod without a twin at this equilibrium, with the cells and the friction of the rod `like`.
+
+        Args:
+            stiffness, natural: as in `Rod`.
+            scale: of forces, new unit over old.
+        """
+        new = NodalRod(stiffness, natural, self.under, like.cells, like.coulomb)
+        new.state.take(self.state)
+        for forces in (new.state.F, new.state.lam, new.state.tau):
+            forces /= scale
+        new.frames, new._slips = self.frames.copy(), self.slips
+        if self.step is not None:
+            f, tau = self.step.f / scale, self.step.tau / scale
+            new._step = self.step._replace(f=f, tau=tau, turned=new.frames)
+        qe, re, f, obstacles = self.conditions
+        new.set_conditions(qe, re, f / scale, obstacles)
+        return new
 
 
 class NodalRod(Rod):
@@ -115,6 +154,7 @@ class NodalRod(Rod):
         self._size = 0, 0
         self.frames = np.zeros((elements + 1, count, 3))
         self.frames[..., 0] = 1.0
+        self._slips = np.zeros((elements + 1, count), bool)
         self._step: Step | None = None
         self._moved = False  # whether `before` is the equilibrium before the last
         self._model = Model(self.K, self.natural, self.h, self.s0, self.tables)
@@ -168,7 +208,7 @@ class NodalRod(Rod):
 
     def sliding(self) -> np.ndarray:
         """(m + 1, o): which contacts slide."""
-        return (self._work.kinds == SLIP) & (self.state.lam > 0.0)
+        return self._slips
 
     def contacts(self) -> tuple[np.ndarray, ...]:
         """Arc lengths (c,), positions, normals and forces (c, 3), obstacles and whether they slide (c,)."""
@@ -188,7 +228,7 @@ class NodalRod(Rod):
         way = travel(self.qe, self.re, self._under, qe, re, obstacles)
         if way > STEP:
             return compiled.TOO_FAR, 0, q, F
-        kept, frames, under = self.state.copy(), self.frames, self._under
+        known = self._known()
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
         if code != CONVERGED and way < RARE * STEP:
             # what Newton's method cannot do at once a viscous medium does little by little
@@ -198,15 +238,17 @@ class NodalRod(Rod):
         self.work -= self.cost * iterations * len(self.elastic)
         if code != CONVERGED:
             return compiled.NOT_CONTRACTING, iterations, q, F
-        if np.abs(self.state.r - kept.r).max() > LEAP * way + LEAST_LEAP:
-            # an equilibrium, but not the next one
-            self._restore(kept, frames, under)
+        leapt = np.abs(self.state.r - known.state.r).max() > LEAP * way + LEAST_LEAP
+        turned = np.abs(np.sum(known.state.q * self.state.q, axis=1)).min() < np.cos(0.5 * limit)
+        if leapt or turned:
+            # Newton's method has no line search and can end on another branch
+            self._return(known)
             return compiled.NOT_CONTRACTING, iterations, q, F
-        if self._softest() < 0.0:
+        if not self._stable():
             # on the way the branch has lost its stability, as a straight cable that is pressed
-            self._restore(kept, frames, under)
+            self._return(known)
             return compiled.NOT_CONVEX, iterations, q, F
-        self.before.take(kept)
+        self.before.take(known.state)
         self._moved = True
         iterations += self._advance_twin(qe, re, f, obstacles)
         return compiled.ADVANCED, iterations, self.state.q.copy(), self.state.F[-1].copy()
@@ -275,11 +317,16 @@ class NodalRod(Rod):
         kinds, state = self._work.kinds, self.state
         state.lam[kinds == OPEN] = 0.0
         state.tau[kinds == OPEN] = 0.0
+        self._slips = (kinds == SLIP) & (state.lam > 0.0)
         # the directions across go along with the normal from here on
         for k, o in zip(*np.nonzero(state.lam), strict=True):
             self.frames[k, o] = self.contact_frame(k, o)[1][0]
-        self.totals[3] -= float(f @ state.r[1:-1].sum(axis=0)) / self.cells
+        self._weigh()
         self.drift, self.age = 0.0, 0.0
+
+    def _weigh(self) -> None:
+        """Add the weight's potential energy to the elastic one, which is all that `residuals` counts."""
+        self.totals[3] -= float(self.f @ self.state.r[1:-1].sum(axis=0)) / self.cells
 
     # equilibria of other rods
 
@@ -341,18 +388,28 @@ class NodalRod(Rod):
         natural: np.ndarray | None = None, scale: float = 1.0,
     ) -> NodalRod:  # fmt: skip
         """As `Rod.variant`, at the same equilibrium; the mesh stays."""
-        new = NodalRod(
-            self.K if stiffness is None else stiffness,
-            self.natural if natural is None else natural,
-            self._under, self.cells, self.coulomb,
-        )  # fmt: skip
-        new.state.take(self.state)
-        for part in new.state[2:]:
-            part /= scale
-        new.frames = self.frames.copy()
-        new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
+        made_of = self.K if stiffness is None else stiffness, self.natural if natural is None else natural
+        new = self._known().rod(self, *made_of, scale)
         new.twin = None if self.twin is None else self.twin.variant(None, stiffness, natural, scale)
         return new
+
+    def snapshot(self) -> Callable[[], Rod]:
+        return partial(self._known().rod, self, self.K, self.natural)
+
+    def _known(self) -> Known:
+        """A copy of what is known of the last equilibrium."""
+        return Known(
+            self.state.copy(), self.frames.copy(), self._slips, self._step, self._under,
+            (self.qe, self.re, self.f, self.obstacles),
+        )  # fmt: skip
+
+    def _return(self, known: Known) -> None:
+        """Go back to an equilibrium of this rod, its conditions and its history."""
+        self.state.take(known.state)
+        self.frames, self._slips = known.frames, known.slips
+        self._step = None if known.step is None else known.step._replace(turned=known.frames)
+        self._under, self._moved = known.under, False
+        self.set_conditions(*known.conditions)
 
     def begin(self, q: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> int | None:
         """Let a shape q (n, 4), free of forces, come to rest; iterations, or None if it does not."""
@@ -403,7 +460,7 @@ class NodalRod(Rod):
         aside = ASIDE * (1.0 + float(np.linalg.norm(f))) * SIDE
         leant = self._flow(qe, re, f + aside, obstacles)
         spent = None if leant is None else self._flow(qe, re, f, obstacles)
-        if leant is None or spent is None or self._softest() < 0.0:
+        if leant is None or spent is None or not self._stable():
             return None
         return leant + spent
 
@@ -412,7 +469,7 @@ class NodalRod(Rod):
         give: np.ndarray | None = None,
     ) -> int | None:  # fmt: skip
         """Come to rest in a viscous medium; iterations, or None if that fails, with the state as it was."""
-        kept, frames, under = self.state.copy(), self.frames, self._under
+        known = self._known()
         drag, spent = DRAG, 0
         self._moved = False
         for _ in range(DRAGS):
@@ -433,14 +490,8 @@ class NodalRod(Rod):
                 drag *= 5.0
             else:
                 break
-        self._restore(kept, frames, under)
+        self._return(known)
         return None
-
-    def _restore(self, state: State, frames: np.ndarray, under: np.ndarray) -> None:
-        """Go back to an equilibrium among the obstacles that it was `under`."""
-        self.state.take(state)
-        self.frames, self._under = frames, under
-        self._step, self._moved = None, False
 
     # what a solution says
 
@@ -450,48 +501,56 @@ class NodalRod(Rod):
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
         """Set up and factor the tangent at the last equilibrium, for the step that led there."""
-        state = self.state
-        step = self._step or Step(
-            state.q[-1], state.r[-1], self.f, self._under, np.repeat(state.r[:, None], state.lam.shape[1], 1),
-            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL,
-            np.full(state.lam.shape, COMPLIANCE),
-        )  # fmt: skip
+        state, step = self.state, self._last_step()
         residuals(state, self._model, step, self._work)
+        self._weigh()
         self._size = jacobian(
             state, self._model, step, self._work, self._tangents, self._rows, self._band.a, self._band.b
         )
         self.drift = 0.0
         return bool(band_factor(self._band.a, *self._size, self._band.pivots))
 
-    def _softest(self) -> float:
-        """As `Rod.stability_margin`, of the tangent as contacts and friction are, by inverse iteration."""
-        if not self.refactor(self.state.q, self.state.F[-1]):
-            return 0.0
-        total, low = self._size
-        rows = (self._rows.psi[1:-1, None] + np.arange(3)).ravel()
-        v, y = self.waves().copy(), np.empty(len(self.mode))
-        right, out = np.zeros(total), 0.0
-        for _ in range(MARGIN_ITERATIONS):
-            banded.multiply(self.elastic, v, y)
-            right[:] = 0.0
-            right[rows] = y[3:-3]
-            band_solve(self._band.a, total, low, self._band.pivots, right)
-            v[3:-3] = right[rows]
-            size = v @ y
-            banded.multiply(self.elastic, v, y)
-            energy = v @ y
-            if not energy > 0.0:
-                return 0.0
-            out = size / energy
-            v /= np.sqrt(energy)
-        return float(out)
+    def _last_step(self) -> Step:
+        """The step that led to the last equilibrium; if there was none, one that stays there."""
+        state = self.state
+        return self._step or Step(
+            state.q[-1], state.r[-1], self.f, self._under, np.repeat(state.r[:, None], state.lam.shape[1], 1),
+            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL,
+            np.full(state.lam.shape, COMPLIANCE),
+        )  # fmt: skip
+
+    def _stable(self) -> bool:
+        return self._softest(1) > 0.0
+
+    def _softest(self, iterations: int = ITERATIONS) -> float:
+        """As `Rod.stability_margin`, of contacts and friction as they are; negative if it is not stable.
+
+        With fewer iterations it is too large.
+        """
+        self.refactor(self.state.q, self.state.F[-1])
+        at, _, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
+        return softest(self._tangents, self._rows, at, contacts, self.waves(), iterations)
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Relative difference of its end wrench from its twin's, when they last were at one pose."""
         return self._estimate
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        return np.full((12, 12), np.nan)
+        return self.wrench_response(q, F, ())
+
+    def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
+        """Derivative of the wrenches on clamps and obstacles, see `nodal_response.wrench_response`.
+
+        At the last equilibrium, which (q, F) must be.
+        """
+        state, forces = self.state, self.contact_forces()
+        normal = np.zeros_like(forces)
+        for k, o in zip(*np.nonzero(state.lam), strict=True):
+            normal[k, o] = state.lam[k, o] * self.contact_frame(k, o)[0]
+        step = standing(state, self._last_step(), forces - normal, self.frames, self.sliding())
+        return wrench_response(
+            state, self._model, step, self._work, self._tangents, self._rows, self._band, forces, moving
+        )
 
 
 def quaternion_tangents(q: np.ndarray) -> np.ndarray:

@@ -1,0 +1,162 @@
+"""Compiled: whether an equilibrium with contacts at fixed material points is stable, and by how much.
+
+The tangent's stiffness with all forces eliminated, symmetric: rotations psi and positions r are the unknowns,
+r[k + 1] - r[k] = integral t ds is held by a stiff penalty, and each contact has the stiffness that its own
+equations make: along the normal and where it sticks it is stiff, what slips resists only by the turn of its
+friction. Such a matrix is positive definite if and only if the equilibrium is stable, and elimination without
+row swaps tells. The band LU of the whole tangent cannot, and inverse iteration finds the eigenvalue next to
+zero, which may be a positive one beside negative ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import LEAF, njit
+from cable_ros.contact.nodal_state import Rows, Tangents
+from cable_ros.solve import banded
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+PENALTY = 1e8
+"""EI / L^3; what positions and contacts give way by is far below the stability margins that matter."""
+ITERATIONS = 60
+CHANGE = 1e-3
+"""Relative change of the margin in one iteration that ends the search."""
+UNSTABLE = -1.0
+"""Stands for the margin of what is not stable."""
+
+
+def softest(
+    tangents: Tangents, rows: Rows, at: np.ndarray, contacts: np.ndarray, start: np.ndarray,
+    iterations: int = ITERATIONS,
+) -> float:  # fmt: skip
+    """Smallest eigenvalue of the stiffness, relative to the elastic one; UNSTABLE if it is not positive.
+
+    Args:
+        tangents: the rod's.
+        rows: numbers of the unknowns.
+        at: (c, 6) numbers of the unknowns of each contact: position, normal force, friction.
+        contacts: (c, 6, 6) the part of the tangent that each contact makes, in this order.
+        start: (3n,) rotations to start the search from, zero at the clamps.
+        iterations: maximum number; with fewer the eigenvalue is too large, its sign is right with 1.
+    """
+    places = np.searchsorted(rows.r, at[:, 0])
+    K = _condensed(contacts) if len(at) else np.zeros((0, 3, 3))
+    elastic, geometric, parts, _ = tangents
+    return float(_softest(elastic, geometric, parts, places, K, start, iterations))
+
+
+def _condensed(contacts: np.ndarray) -> np.ndarray:
+    """(c, 3, 3) symmetric stiffness of each contact by its position, its forces eliminated.
+
+    That friction of what slips follows the normal force is left out: it makes the tangent unsymmetric, and
+    changes nothing in where the cable can go.
+    """
+    turn, out = contacts[:, :3, :3], contacts[:, :3, 3:]
+    by_place, by_force = contacts[:, 3:, :3].copy(), contacts[:, 3:, 3:].copy()
+    n = -out[:, :, 0]
+    by_place[:, 1:] -= np.einsum("cia,ca,cb->cib", by_place[:, 1:], n, n)
+    by_force[:, 1:, 0] = 0.0
+    by_force -= by_place @ out / PENALTY  # in series with a spring of that stiffness
+    K = turn - out @ np.linalg.solve(by_force, by_place)
+    return 0.5 * (K + K.transpose(0, 2, 1))
+
+
+@njit(**OPTIONS)
+def _softest(elastic, geometric, parts, places, K, start, iterations):
+    """See `softest`; contacts of the stiffness K (c, 3, 3) at the boundaries `places` (c,)."""
+    m, nd = parts.shape[0], parts.shape[2]
+    order = nd // 3 - 1
+    block = 3 * (order + 1)
+    # place by place: position, rotation, then the inner rotations of the element that begins there; the first
+    # and the last place are given, and have negative numbers or too large ones
+    total = block * m - 6
+    psi = np.empty(3 * (m * order + 1), np.int64)
+    for i in range(m * order + 1):
+        for c in range(3):
+            psi[3 * i + c] = block * (i // order) - 3 + 3 * (i % order) + c
+    psi[0] = psi[1] = psi[2] = -1
+    width = block + 5
+    a = np.zeros((total, width + 1))  # row i, column j <= i at [i, width + j - i]
+    band = elastic.shape[1] - 1
+    for i in range(psi.shape[0] - 3):
+        row = psi[i]
+        if row < 0:
+            continue
+        for k in range(band + 1):
+            j = i - band + k
+            if j >= 3:
+                a[row, width + psi[j] - row] += elastic[i, k] + geometric[i, k]
+    # r[e + 1] - r[e] - parts psi = 0, as a penalty
+    numbers, values = np.empty(nd + 2, np.int64), np.empty(nd + 2)
+    for e in range(m):
+        for c in range(3):
+            numbers[0], values[0] = (block * e - 6 + c if e > 0 else -1), -1.0
+            numbers[1], values[1] = (block * (e + 1) - 6 + c if e + 1 < m else -1), 1.0
+            for j in range(nd):
+                i = 3 * e * order + j
+                numbers[2 + j] = psi[i] if i < psi.shape[0] - 3 else -1
+                values[2 + j] = -parts[e, c, j]
+            for i in range(nd + 2):
+                for j in range(nd + 2):
+                    if 0 <= numbers[j] <= numbers[i]:
+                        a[numbers[i], width + numbers[j] - numbers[i]] += PENALTY * values[i] * values[j]
+    for k in range(places.shape[0]):
+        first = block * places[k] - 6
+        for i in range(3):
+            for j in range(i + 1):
+                a[first + i, width + j - i] += K[k, i, j]
+    if not _factor(a, width):
+        return UNSTABLE
+    v, y, x = start.copy(), np.empty(start.shape[0]), np.zeros(total)
+    last = start.shape[0] - 3
+    out = np.inf
+    for _ in range(iterations):
+        banded.multiply(elastic, v, y)
+        x[:] = 0.0
+        size, energy = 0.0, 0.0
+        for i in range(3, last):
+            x[psi[i]] = y[i]
+            size += v[i] * y[i]
+        _solve(a, width, x)
+        for i in range(3, last):
+            energy += x[psi[i]] * y[i]
+            v[i] = x[psi[i]] / np.sqrt(size)
+        before, out = out, size / energy
+        if abs(out - before) <= CHANGE * out:
+            break
+    return out
+
+
+@njit(**LEAF)
+def _factor(a, width):
+    """Cholesky factor of a (n, width + 1) in place, row by row; whether it is positive definite."""
+    for i in range(a.shape[0]):
+        first = max(0, i - width)
+        for j in range(first, i + 1):
+            v = a[i, width + j - i]
+            for k in range(max(first, j - width), j):
+                v -= a[i, width + k - i] * a[j, width + k - j]
+            if j < i:
+                a[i, width + j - i] = v / a[j, width]
+            elif v > 0.0:
+                a[i, width] = np.sqrt(v)
+            else:
+                return False
+    return True
+
+
+@njit(**LEAF)
+def _solve(a, width, x):
+    """Solve in place, x (n,), with the factor of `_factor`."""
+    n = a.shape[0]
+    for i in range(n):
+        v = x[i]
+        for j in range(max(0, i - width), i):
+            v -= a[i, width + j - i] * x[j]
+        x[i] = v / a[i, width]
+    for i in range(n - 1, -1, -1):
+        x[i] /= a[i, width]
+        for j in range(max(0, i - width), i):
+            x[j] -= a[i, width + j - i] * x[i]
