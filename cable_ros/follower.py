@@ -23,6 +23,7 @@ from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
 from cable_ros.statics.detour import too_short
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
+from cable_ros.statics.guess import side
 from cable_ros.statics.rod import NOTHING, Rod
 from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.search import (
@@ -65,6 +66,8 @@ GRID = 0.07
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
 COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
+PLACES = np.linspace(0.0, 1.0, 65)
+"""Where shapes are compared."""
 SINKS = "The cable could not be kept out of what it touches between the places that hold it."
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 CUT = "before a pose was reached another one was asked for, and friction depends on the way"
@@ -392,6 +395,7 @@ class Follower:
         )
         if hint is not None:
             found.sort(key=lambda one: abs(one.twist - hint))
+        found = _one_side_first(found, hint or 0.0)
         best: tuple[float, Found, Found] | None = None
         for one in found:
             fine, estimate = refine(one, self.tolerance)
@@ -606,10 +610,23 @@ def _farthest(a: np.ndarray, b: np.ndarray) -> float:
     return out
 
 
+def _one_side_first(found: list[Found], hint: float) -> list[Found]:
+    """Those as good as the first one by the side to which they go, before all others."""
+
+    def alike(one: Found) -> bool:
+        energy = abs(one.energy - found[0].energy) <= 1e-6 * (1.0 + abs(found[0].energy))
+        return energy and abs(abs(one.twist - hint) - abs(found[0].twist - hint)) <= 1e-3
+
+    first = [one for one in found if alike(one)]
+    first.sort(key=lambda one: -side(one.rod.mesh.interpolate(one.q, PLACES), PLACES))
+    return first + [one for one in found if not alike(one)]
+
+
 def _choice(chosen: Found, found: list[Found]) -> str:
     """The sentence of a cold start, which says so where there are others of the same energy."""
     twins = sum(abs(other.energy - chosen.energy) <= 1e-6 * (1.0 + abs(chosen.energy)) for other in found)
     sentence = Status.CONVERGED.sentence
     if twins < 2:
         return sentence
-    return f"{sentence[:-1]}, one of {twins} of equal energy: this side is an arbitrary choice."
+    rule = "this side, towards (1, 3, 2) of the start clamp's axes, is a rule's choice"
+    return f"{sentence[:-1]}, one of {twins} of equal energy: {rule}."

@@ -32,6 +32,7 @@ from cable_ros.mechanics.effects.contact_kernels import across, gap
 from cable_ros.mechanics.elements import Mesh, reference_element
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
+from cable_ros.statics.guess import SIDE
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.travel import FRICTION_STEP, travel
 from cable_ros.statics.units import relative_change
@@ -51,9 +52,8 @@ SOFT = 1e-5
 SEED = 2e-5
 """Motion, lengths, by which stick gives way at most while an equilibrium of another rod is taken over. What
 sticks hardly moves, and friction along a patch hardly changes."""
-ASIDE, SIDE = 0.05, np.array([1.0, 3.0, 2.0]) / np.sqrt(14.0)
-"""Part of the weight, and of 1 EI / L^3, that acts aside at first, and in which direction: none that a drawn
-scene has for its plane of symmetry."""
+ASIDE = 0.05
+"""Part of the weight, and of 1 EI / L^3, that acts aside at first, see `guess.SIDE`."""
 FAINT = 1e-2
 """Friction, EI / L^2, that counts as none there."""
 TOLERANCE = 1e-8

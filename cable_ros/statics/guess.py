@@ -18,6 +18,13 @@ _SLOPES = np.stack(
 )
 
 
+ASIDE = 1e-3
+"""Rotation, rad, by which start shapes are turned aside: far above rounding, below what a search needs."""
+SIDE = np.array([1.0, 3.0, 2.0]) / np.sqrt(14.0)
+"""To which side of the start clamp's axes a cable goes of two that are alike: in no plane of symmetry that a
+drawn scene has."""
+
+
 def _unit(v: np.ndarray) -> np.ndarray:
     return v / np.linalg.norm(v)
 
@@ -171,3 +178,21 @@ def along(
     base = closing_turn(q, qe)
     centre = natural[2] if hint is None else hint
     return spin(q, nodes, base + 2.0 * np.pi * np.round((centre - base) / (2.0 * np.pi)))
+
+
+def aside(q: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Frames q (n, 4) turned a little, the same way whatever the cable.
+
+    A descent from a symmetric shape then takes a side that rounding cannot choose.
+    """
+    wave = ASIDE * (np.sin(np.pi * nodes)[:, None] * SIDE + np.sin(2.0 * np.pi * nodes)[:, None] * SIDE[::-1])
+    out = np.empty_like(q)
+    quaternion.retract(q, wave.ravel(), out)
+    return out
+
+
+def side(q: np.ndarray, nodes: np.ndarray) -> float:
+    """How far the frames q (n, 4) at equal distances lead to SIDE: the cable's mean position, lengths."""
+    w, x, y, z = q.T
+    t = np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w - x * x - y * y + z * z), axis=1)
+    return float(np.mean((1.0 - nodes) * (t @ SIDE)))

@@ -11,7 +11,7 @@ from cable_ros.mechanics.elements import Mesh, reference_element
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics.descent import descend
 from cable_ros.statics.detour import ways
-from cable_ros.statics.guess import along, starts
+from cable_ros.statics.guess import along, aside, starts
 from cable_ros.statics.rod import ORDER, Rod
 from cable_ros.statics.stretching import SLACK, StretchingRod
 from cable_ros.statics.touching import TouchingRod
@@ -178,7 +178,7 @@ def equilibria(
             rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
             rod.seen = seen
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
-        one = settle(rod, q, np.zeros(3), options)
+        one = settle(rod, aside(q, mesh.nodes), np.zeros(3), options)
         if one is None:
             continue
         if any(same(one, other) for other in found):
