@@ -1,11 +1,11 @@
 """Compiled: equilibrium, contact and Coulomb friction of a rod whose contacts sit at fixed material points.
 
-The rod of `mechanics.kernels` with its positions and internal forces as unknowns beside its frames, so that
-everything about a place of the cable stands together and the tangent is a band:
+The rod of `mechanics.kernels` in a mixed formulation: positions and internal forces are unknowns beside the
+frames. All unknowns of a place of the cable stand together, and the tangent is banded:
 
     g(q, F) = 0                               moments, the gradient of the Lagrangian by the frames
     F[k - 1] - F[k] - P[k] - f c = 0          forces at the boundary k of two elements, the middle of a cell c
-    r[k + 1] - r[k] - integral t ds = 0       the way that the tangents go
+    r[k + 1] - r[k] - integral t ds = 0       positions, from the tangents
 
 The weight f c of each cell acts where its contact does, so that what lies on a plane lies flat. With
 P = lambda n + tau1 d1 + tau2 d2 the force of an obstacle at a boundary, contact and friction are the
@@ -14,9 +14,9 @@ projections of Alart and Curnier (1991), solved with all else by Newton's method
     lambda = max(0, lambda - rho (phi + c lambda)),    tau = T min(1, mu max(0, ...) / |T|),
     T = tau - rho (u + c (tau - tau0))
 
-with the gap phi, the tangential motion u over the obstacle since the last equilibrium, the friction tau0
-there, and a compliance c so small that it only tells redundant forces apart. Units of the cable, start
-clamp's frame.
+with the gap phi, the tangential motion u over the obstacle since the last equilibrium and the friction tau0
+there. The compliance c is so small that it only decides how redundant contacts share a load. Units of the
+cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -37,16 +37,26 @@ COMPLIANCE = 1e-6
 """L^3 / EI: what sticks gives way by so much per force, less than a grid can tell. With 1e-8 the borders
 between stick and slip move place by place: Newton's method takes twice as long or does not get there."""
 YIELD = 1e-14
-"""L^3 / EI: an obstacle's surface does. Beside it a clamp bears the weight of a length of its fourth root."""
+"""Compliance of an obstacle's surface, L^3 / EI. Where a cable lies beside a clamp, the clamp carries its
+weight over a length of about the fourth root, 3e-4 L."""
 OPEN, STICK, SLIP = 0, 1, 2
+"""States of a contact; without friction it slips."""
 WEIGHTLESS = np.zeros(3)
+"""Load per length of the rod: the weight acts at the boundaries."""
 TURNING = 1e-3
-"""Drag on rotations over that on positions, L^2: little, only against spinning freely."""
+"""Drag on rotations over that on positions, L^2: just enough to damp a free spin."""
 
 
 @njit(**OPTIONS)
 def carry_history(r, frames, old, new, carried, turned):
-    """Where places r (m, 3) and directions `frames` (m, o, 3) would be, had they gone with each obstacle."""
+    """Positions and directions carried along by each obstacle.
+
+    Args:
+        r: (k, 3) positions, L.
+        frames: (k, o, 3) directions.
+        old, new: (o, WIDTH) the obstacles before and now.
+        carried, turned: (k, o, 3) receive where position and direction are now.
+    """
     y = np.empty(3)
     for o in range(old.shape[0]):
         a, b = old[o], new[o]
@@ -73,7 +83,7 @@ def carry_history(r, frames, old, new, carried, turned):
 
 @njit(**LEAF)
 def tangent_frame(n, reference, d):
-    """d (2, 3): unit vectors across n, the first along what is left of `reference` across n."""
+    """d (2, 3) receives unit vectors across n (3,), the first along the part of `reference` (3,) across n."""
     along = reference[0] * n[0] + reference[1] * n[1] + reference[2] * n[2]
     size = 0.0
     for a in range(3):
@@ -92,10 +102,15 @@ def tangent_frame(n, reference, d):
 
 @njit(**LEAF)
 def project(lam, tau, tau0, phi, u, mu, scales, out):
-    """State of a contact, its trial friction T (2) and the radius of its cone; `out` (3,): its residuals.
+    """Residuals of one contact's laws; returns its state, trial friction T (two numbers) and cone radius.
 
-    `lam`, `tau` (2,), `tau0` (2,): forces now and before; `phi`, `u` (2,): gap and tangential motion;
-    `scales`: normal, tangential and the compliance of stick, see `Step`.
+    Args:
+        lam, tau: normal force and friction (2,), EI / L^2.
+        tau0: (2,) friction at the last equilibrium.
+        phi, u: gap and tangential motion (2,) since then, L.
+        mu: coefficient of friction.
+        scales: those of normal force and friction, and the compliance of stick; see `Step`.
+        out: (3,) receives the residuals, EI / L^2.
     """
     rho, grip, give = scales
     push = lam - rho * (phi + YIELD * lam)
@@ -119,14 +134,14 @@ def project(lam, tau, tau0, phi, u, mu, scales, out):
 
 @njit(**LEAF)
 def slid(r, carried, d, u):
-    """u (2,): motion over the obstacle along the directions d (2, 3)."""
+    """u (2,) receives the motion from `carried` (3,) to r (3,) along the directions d (2, 3), L."""
     for i in range(2):
         u[i] = d[i, 0] * (r[0] - carried[0]) + d[i, 1] * (r[1] - carried[1]) + d[i, 2] * (r[2] - carried[2])
 
 
 @njit(**OPTIONS)
 def residuals(state, model, step, work):
-    """Residuals of all equations at the state, see `Work`."""
+    """Residuals of all equations at a `State` of a `Model` in a `Step`; `work` (`Work`) receives them."""
     q, r, F = state.q, state.r, state.F
     h, tables = model.h, model.tables
     elements = h.shape[0]
@@ -161,7 +176,7 @@ def residuals(state, model, step, work):
 
 @njit(**OPTIONS)
 def press(state, step, work):
-    """The contacts' part of `residuals`."""
+    """The contacts' part of `residuals`, with the same arguments."""
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
     n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)

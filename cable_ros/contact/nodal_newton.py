@@ -13,16 +13,18 @@ from cable_ros.mechanics import quaternion
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 CONVERGED, STALLED, SINGULAR = 0, 1, 2
+"""How `newton` ended."""
 ITERATIONS = 30
+"""Maximum number; beyond it the active set is assumed to cycle."""
 LARGEST = 0.5
-"""A section turns by no more than this in one iteration, rad."""
+"""Maximum rotation of a section in one iteration, rad."""
 FARTHER = 3.0
-"""Largest extrapolation, parts of the last step."""
+"""Maximum extrapolation, in lengths of the last step."""
 
 
 @njit(**OPTIONS)
 def move(state, b, part, rows, new):
-    """new = state + part * b, b (unknowns,) numbered by `rows`."""
+    """The `State` new = state + part * b, with the step b (unknowns,) numbered by `rows` (`Rows`)."""
     q, r, F, lam, tau = state
     q_new, r_new, F_new, lam_new, tau_new = new
     rows_r, rows_psi, rows_F, rows_c = rows
@@ -49,7 +51,10 @@ def move(state, b, part, rows, new):
 
 @njit(**OPTIONS)
 def extrapolate(state, before, re, drag):
-    """Go on as from `before` to `state`, by the part that the end goes on; false where it does not."""
+    """Extrapolate `state` in place from the equilibrium `before`, as far as the end goes on along its path.
+
+    Returns false, with the state unchanged, if the end (re (3,), L) does not go on or there is drag.
+    """
     q, r = state.q, state.r
     end = r.shape[0] - 1
     along, size = 0.0, 0.0
@@ -78,8 +83,14 @@ def extrapolate(state, before, re, drag):
 def newton(state, model, step, work, tangents, rows, band, trial, tolerance):
     """Solve for `state` in place, by full steps; returns (code, iterations).
 
-    No line search: between two sets of contacts residuals may have to rise. The tangent of friction is
-    changed such that it stays positive, which keeps the iteration from cycling, see `jacobian`.
+    There is no line search: from one active set to the next the residuals may have to rise. The tangent of
+    friction is changed so that it stays positive, which keeps the iteration from cycling, see `jacobian`.
+
+    Args:
+        state, model, step, work: `State`, `Model`, `Step` and `Work`.
+        tangents, rows, band: `Tangents`, `Rows` and `Band`, overwritten.
+        trial: `State`, overwritten.
+        tolerance: of rotations, rad, positions, L, and forces, relative to the largest.
     """
     q, r, F, lam, tau = state
     a, b, pivots = band

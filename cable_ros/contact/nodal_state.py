@@ -1,6 +1,6 @@
-"""What the compiled functions of a nodal rod work with: m elements, n nodes, o obstacles.
+"""Groups of arguments of a nodal rod's compiled functions: m elements, n nodes, o obstacles.
 
-Units of the cable, start clamp's frame.
+Units of the cable, start clamp's frame, quaternions scalar first.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ ORDER = 2
 
 
 class State(NamedTuple):
-    """The unknowns."""
+    """The unknowns; updated in every iteration."""
 
     q: np.ndarray
     """(n, 4) nodal frames, scalar first."""
     r: np.ndarray
-    """(m + 1, 3) positions of the elements' boundaries."""
+    """(m + 1, 3) positions of the elements' boundaries, L."""
     F: np.ndarray
-    """(m, 3) internal force in each element."""
+    """(m, 3) internal force in each element, what is beyond exerts on what is before, EI / L^2."""
     lam: np.ndarray
-    """(m + 1, o) normal forces."""
+    """(m + 1, o) normal forces, positive where the obstacle pushes, EI / L^2."""
     tau: np.ndarray
-    """(m + 1, o, 2) friction along the two directions of the contact's frame."""
+    """(m + 1, o, 2) friction along the two directions of the contact's frame, EI / L^2."""
 
     @classmethod
     def zeros(cls, elements: int, obstacles: int) -> State:
-        """All zero, to be filled."""
+        """All zero, with `elements` elements and `obstacles` obstacles."""
         n, m = elements * ORDER + 1, elements + 1
         return cls(
             np.zeros((n, 4)), np.zeros((m, 3)), np.zeros((elements, 3)), np.zeros((m, obstacles)),
@@ -43,49 +43,49 @@ class State(NamedTuple):
         return State(*(part.copy() for part in self))
 
     def take(self, other: State) -> None:
-        """Become equal to the other."""
+        """Copy the other's numbers into this one's arrays."""
         for mine, theirs in zip(self, other, strict=True):
             mine[:] = theirs
 
 
 class Model(NamedTuple):
-    """What the rod is; never changes."""
+    """Section and mesh; never change."""
 
     K: np.ndarray
-    """(3,) stiffness."""
+    """(3,) stiffness about the section's axes, EI."""
     natural: np.ndarray
-    """(3,) curvature and twist of the unloaded cable."""
+    """(3,) curvature and twist of the unloaded cable, 1 / L."""
     h: np.ndarray
-    """(m,) lengths of the elements."""
+    """(m,) lengths of the elements, L."""
     s0: np.ndarray
-    """(m,) where they start."""
+    """(m,) arc lengths at which they start, L."""
     tables: tuple[np.ndarray, ...]
-    """See `ReferenceElement.tables`."""
+    """Shape functions and quadrature, see `ReferenceElement.tables`."""
 
 
 class Step(NamedTuple):
-    """From which equilibrium the rod goes under which conditions; changes with every step."""
+    """The conditions of a step and the equilibrium that it starts from; changes with every step."""
 
     qe: np.ndarray
     """(4,) end frame."""
     re: np.ndarray
-    """(3,) end position."""
+    """(3,) end position, L."""
     f: np.ndarray
-    """(3,) load per length."""
+    """(3,) load per length, EI / L^3."""
     obstacles: np.ndarray
     """(o, WIDTH), see `contact_kernels.gap`."""
     carried: np.ndarray
-    """(m + 1, o, 3) where each boundary would be, had it gone with each obstacle since."""
+    """(m + 1, o, 3) where each boundary would be, L, had it been carried by each obstacle since then."""
     turned: np.ndarray
-    """(m + 1, o, 3) the first direction of each contact's frame, likewise."""
+    """(m + 1, o, 3) the first direction of each contact's frame, likewise carried; unit vectors."""
     tau: np.ndarray
-    """(m + 1, o, 2) friction at the last equilibrium."""
+    """(m + 1, o, 2) friction at that equilibrium, EI / L^2."""
     q: np.ndarray
     """(n, 4) frames there."""
     r: np.ndarray
-    """(m + 1, 3) positions there."""
+    """(m + 1, 3) positions there, L."""
     drag: float
-    """Of a viscous medium, EI / L^4 a step; 0: none."""
+    """Viscosity of a medium, force per length and motion in the step, EI / L^4; 0: none."""
     normal: float
     """Scale of the projection of normal forces, EI / L^3."""
     tangential: float
@@ -95,60 +95,74 @@ class Step(NamedTuple):
 
 
 class Work(NamedTuple):
-    """What `residuals` leaves, and its space; changes with every call."""
+    """What `residuals` computes, and its workspace; changes with every call."""
 
     g: np.ndarray
-    """(n, 3) residual moments; at the first and last node those of the clamps."""
+    """(n, 3) residual moments, EI / L; at the first and last node the moments of the clamps on the cable."""
     radial: np.ndarray
     """(n,) see `mechanics.kernels.gradient`."""
     acc: np.ndarray
+    """(n, 4) gradient by the nodal quaternions."""
     lanes: np.ndarray
+    """See `mechanics.kernels.workspace`."""
     totals: np.ndarray
-    """(5,) elastic energy at 3, total twist at 4."""
+    """(5,) sum of the tangents at 0 to 2, elastic energy, EI / L, at 3, total twist, rad, at 4."""
     way: np.ndarray
-    """(m, 3) residuals of the positions."""
+    """(m, 3) residuals of the positions, L."""
     balance: np.ndarray
-    """(m + 1, 3) residuals of the forces."""
+    """(m + 1, 3) residuals of the forces, EI / L^2; the first and the last are not used."""
     kinds: np.ndarray
     """(m + 1, o) OPEN, STICK or SLIP."""
     near: np.ndarray
     """(m + 1, o) whether the contact's forces are unknowns."""
     contact: np.ndarray
-    """(m + 1, o, 3) residuals of normal force and friction."""
+    """(m + 1, o, 3) residuals of normal force and friction, EI / L^2."""
 
 
 class Tangents(NamedTuple):
     """Parts of the rod's tangent, see `mechanics.kernels.hessian`."""
 
     elastic: np.ndarray
+    """(3n, b) second derivative of the elastic energy by the nodal rotations, lower band."""
     geometric: np.ndarray
+    """(3n, b) that of the forces' potential."""
     parts: np.ndarray
+    """(m, 3, b) derivative of each element's integral of the tangent by its own nodes' rotations, L."""
     C: np.ndarray
+    """(3, 3n) the same of the end position, the sum of all elements'."""
 
 
 class Rows(NamedTuple):
-    """Numbers of the first of three unknowns each; -1: given or not there."""
+    """Number of the first of each three unknowns in a row; -1: given, or absent."""
 
     r: np.ndarray
-    """(m + 1,)"""
+    """(m + 1,) positions of the boundaries."""
     psi: np.ndarray
     """(n,) rotations of the nodes."""
     F: np.ndarray
-    """(m,)"""
+    """(m,) internal forces."""
     contact: np.ndarray
-    """(m, o)"""
+    """(m, o) normal force and friction at the boundary where each element starts."""
 
 
 class Band(NamedTuple):
     """The linear system of an iteration, see `linalg.band_lu`."""
 
     a: np.ndarray
+    """(size, columns) the matrix, then its factors; space for all contacts at once."""
     b: np.ndarray
+    """(size,) the right-hand side, then the solution."""
     pivots: np.ndarray
+    """(size,) the row swaps."""
 
 
 def spaces(h: np.ndarray, tables: tuple[np.ndarray, ...], obstacles: int) -> tuple[Rows, Band]:
-    """Space for the numbering and the linear system of a rod with elements of lengths h (m,)."""
+    """Space for the numbering and the linear system of a rod.
+
+    Args:
+        h, tables: see `Model`.
+        obstacles: their number.
+    """
     m = len(h)
     rows = Rows(
         np.zeros(m + 1, np.int64), np.zeros(m * ORDER + 1, np.int64), np.zeros(m, np.int64),
@@ -163,7 +177,13 @@ def workplace(
     g: np.ndarray, radial: np.ndarray, acc: np.ndarray, totals: np.ndarray, h: np.ndarray,
     tables: tuple[np.ndarray, ...], obstacles: int,
 ) -> Work:  # fmt: skip
-    """`Work` on a rod's own gradient and totals."""
+    """`Work` that leaves gradient and totals in the rod's own arrays.
+
+    Args:
+        g, radial, acc, totals: the rod's, see `Work`.
+        h, tables: see `Model`.
+        obstacles: their number.
+    """
     m = len(h)
     return Work(
         g, radial, acc, workspace(h, tables), totals, np.zeros((m, 3)), np.zeros((m + 1, 3)),

@@ -1,8 +1,9 @@
 """Compiled: the tangent of `nodal_kernels.residuals` as a band.
 
-Exact but for friction that slips, which is changed such that Newton's method does not cycle, as Hueber,
-Stadler and Wohlmuth (2008) have it; and for the turn of moments with their own sections, which vanishes with
-the residuals.
+It is exact but for three terms. Friction that slips is changed as by Hueber, Stadler and Wohlmuth (2008), so
+that Newton's method does not cycle; the tangent is exact where friction is on its cone, against the motion.
+Moments that turn with their own sections vanish with the residuals. The frame of a contact is taken to go
+along with the normal without spinning about it, as it does from one equilibrium to the next.
 """
 
 from __future__ import annotations
@@ -30,7 +31,13 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 @njit(**OPTIONS)
 def number(near, order, rows):
-    """Number the unknowns place by place; returns how many and the bandwidth below the diagonal."""
+    """Number the unknowns place by place; returns how many and the bandwidth below the diagonal.
+
+    Args:
+        near: (m + 1, o) which contacts' forces are unknowns.
+        order: of the elements.
+        rows: `Rows`, overwritten.
+    """
     rows_r, rows_psi, rows_F, rows_c = rows
     elements = rows_F.shape[0]
     at = 0
@@ -62,9 +69,14 @@ def number(near, order, rows):
 
 @njit(**OPTIONS)
 def jacobian(state, model, step, work, tangents, rows, a, b):
-    """The tangent `a` of `residuals`, which must be known, as a band and the right-hand side b.
+    """Assemble the tangent of `residuals`, which must be those of the state, and the right-hand side.
 
-    The end's rows take it to its place. Returns (unknowns, bandwidth).
+    The end's rows take it to its place. Returns the number of unknowns and the bandwidth.
+
+    Args:
+        state, model, step, work: `State`, `Model`, `Step` and `Work`.
+        tangents, rows: `Tangents` and `Rows`, overwritten.
+        a, b: of `Band`; receive the matrix and minus the residuals.
     """
     q, r, F = state.q, state.r, state.F
     elastic, geometric, parts, C = tangents
@@ -148,7 +160,7 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
 
 @njit(**OPTIONS)
 def press_tangent(state, step, rows, a, b, low):
-    """The contacts' part of `jacobian`."""
+    """The contacts' part of `jacobian`; `low`: the bandwidth."""
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
     rho, grip = step.normal, step.tangential
     n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)
