@@ -28,7 +28,9 @@ TRIALS = ((0, 1), (16, 0), (8, 1), (16, 1))
 """What is tried in turn: numbers of elements, 0 for those of a search, and the first of `descent.SPRINGS`."""
 WORK = 40_000.0
 """Budget, iterations times unknowns, of a rod that takes over, if there is less left."""
-TRIES = 6
+EXACT_WORK = 60_000.0
+"""Budget of each search for an exact equilibrium beside one on a grid."""
+TRIES = 3
 """Number of start shapes that a search lets come to rest."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
@@ -58,7 +60,7 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         mesh = Mesh(first.element, np.full(count, 1.0 / count)) if count else first
         new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
         new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-        new.work = rod.work
+        new.work = min(rod.work, EXACT_WORK)
         q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
         q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
         result = descend(new, q, rod.state.F[-1], SETTLE, stage)
