@@ -11,7 +11,7 @@ import numpy as np
 from cable_ros import results
 from cable_ros.auto_effects import Choice
 from cable_ros.contact import handover
-from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.nodal_rod import STEP, NodalRod
 from cable_ros.equilibrium import Equilibrium, Overlap
 from cable_ros.mechanics.effects.contact import nearest, placed
 from cable_ros.mechanics.effects.effect import Properties
@@ -36,7 +36,7 @@ from cable_ros.statics.search import (
     refine,
     same,
 )
-from cable_ros.statics.touch_points import SLIPS
+from cable_ros.statics.touch_points import KIND, POINT, SLIPS
 from cable_ros.statics.touching import TouchingRod
 from cable_ros.statics.travel import CONTACT_STEP, FRICTION_STEP, travel
 from cable_ros.statics.units import Units, relative, relative_change
@@ -61,7 +61,7 @@ CLAMP_DEPTH = 1e-6
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
 LONGEST_STRETCH = 1.1
 """A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
-GRID = 0.05
+GRID = 0.07
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
 COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
@@ -113,6 +113,8 @@ class Follower:
     @property
     def _longest(self) -> float:
         """Longest step among obstacles, lengths."""
+        if isinstance(self._rod, NodalRod):
+            return STEP
         return CONTACT_STEP if self._model == FRICTIONLESS else FRICTION_STEP
 
     def reset(self) -> None:
@@ -589,9 +591,11 @@ def _touches(rod: Rod) -> bool:
 
 
 def _slips(rod: Rod) -> bool:
-    if isinstance(rod, NodalRod):
-        return bool(rod.sliding()[rod.state.lam > 0.0].all())
-    return isinstance(rod, TouchingRod) and bool((rod.points[: rod.count, SLIPS] == 1.0).all())
+    """Whether all contacts slip, and are points: where a patch lies is the past's doing even as it slips."""
+    if not isinstance(rod, TouchingRod):
+        return False
+    points = rod.points[: rod.count]
+    return bool((points[:, SLIPS] == 1.0).all() and (points[:, KIND] == POINT).all())
 
 
 def _farthest(a: np.ndarray, b: np.ndarray) -> float:

@@ -33,8 +33,10 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 FRICTION = 17
 """Column of an obstacle that holds its coefficient of friction, see `contact_kernels.WIDTH`."""
-COMPLIANCE = 1e-8
-"""Tangential compliance of what sticks, L^3 / EI."""
+COMPLIANCE = 1e-6
+"""Tangential compliance of what sticks, L^3 / EI: what it gives way by is less than a grid can tell. With
+1e-8 the borders between stick and slip move place by place, and Newton's method takes twice as long or
+fails."""
 YIELD = 1e-14
 """Compliance of an obstacle's surface, L^3 / EI. Where a cable lies beside a clamp, the clamp carries its
 weight over a length of about the fourth root, 3e-4 L."""

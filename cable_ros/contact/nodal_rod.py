@@ -36,13 +36,17 @@ from cable_ros.statics.rod import Rod
 from cable_ros.statics.travel import FRICTION_STEP, travel
 from cable_ros.statics.units import relative_change
 
-FEWEST, MOST = 64, 192
-"""Number of places where it may touch; half as many for the twin that tells the error."""
-LAYER = 8.0
+FEWEST, MOST = 80, 192
+"""Number of places where it may touch."""
+TWIN = 0.75
+"""The twin that tells the error has so many times as many."""
+LAYER = 11.0
 """Number of them along the length (EI / F)^1/2 over which a cable bends under its force F."""
 NORMAL, TANGENTIAL = 1e4, 1e6
 """Scales of the projections of normal force and friction, EI / L^3."""
-SOFT = 1e-4
+STEP = 0.5 * FRICTION_STEP
+"""Longest step, lengths."""
+SOFT = 1e-5
 """Compliance of stick, L^3 / EI, at which a solve that failed is tried again first."""
 SEED = 2e-5
 """Motion, lengths, by which stick gives way at most while an equilibrium of another rod is taken over. What
@@ -62,8 +66,12 @@ CALM = 0.003
 """Motion in a step of a fall, lengths, below which the drag is reduced tenfold."""
 DRAGS = 80
 """Maximum number of steps of a fall."""
-FLOW_COST = 100
-"""Iterations that a fall that fails is counted as."""
+LEAP, LEAST_LEAP = 8.0, 2e-3
+"""A step leads no place of the cable farther than so many times what is led, and so much more, lengths."""
+RARE = 0.2
+"""Part of the longest step below which a step that fails is made in a viscous medium."""
+FLOW_COST = 300
+"""Iterations after which a fall is given up."""
 
 
 def cells(count: int) -> Mesh:
@@ -127,6 +135,7 @@ class NodalRod(Rod):
     """
 
     few = 25
+    cost = 0.5
     remembers = True
 
     def __init__(
@@ -216,19 +225,22 @@ class NodalRod(Rod):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One step from the last equilibrium, which (q, F) must be; see `compiled.advance`."""
         assert obstacles is not None
-        if travel(self.qe, self.re, self._under, qe, re, obstacles) > FRICTION_STEP:
+        way = travel(self.qe, self.re, self._under, qe, re, obstacles)
+        if way > STEP:
             return compiled.TOO_FAR, 0, q, F
         known = self._known()
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
-        if code != CONVERGED:
+        if code != CONVERGED and way < RARE * STEP:
             # what Newton's method cannot do at once a viscous medium does little by little
             flown = self._flow(qe, re, f, obstacles)
             iterations += FLOW_COST if flown is None else flown
             code = code if flown is None else CONVERGED
-        self.work -= iterations * len(self.elastic)
+        self.work -= self.cost * iterations * len(self.elastic)
         if code != CONVERGED:
             return compiled.NOT_CONTRACTING, iterations, q, F
-        if np.abs(np.sum(known.state.q * self.state.q, axis=1)).min() < np.cos(0.5 * limit):
+        leapt = np.abs(self.state.r - known.state.r).max() > LEAP * way + LEAST_LEAP
+        turned = np.abs(np.sum(known.state.q * self.state.q, axis=1)).min() < np.cos(0.5 * limit)
+        if leapt or turned:
             # Newton's method has no line search and can end on another branch
             self._return(known)
             return compiled.NOT_CONTRACTING, iterations, q, F
@@ -242,15 +254,22 @@ class NodalRod(Rod):
         return compiled.ADVANCED, iterations, self.state.q.copy(), self.state.F[-1].copy()
 
     def _advance_twin(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray) -> int:
-        """Let the twin make the same step; if it cannot, it starts again from this rod's equilibrium."""
+        """Let the twin follow in its own steps; if it cannot, it starts again from this rod's equilibrium."""
         twin = self.twin
-        if twin is None:
+        if twin is None or travel(twin.qe, twin.re, twin._under, qe, re, obstacles) < 0.5 * STEP:
             return 0
         code, iterations, _, _ = twin.advance(twin.state.q, twin.state.F[-1], qe, re, f, 0.0, 0.6, obstacles)
         if code != compiled.ADVANCED:
             self._floor = self._estimate
             self.pair()
+            return iterations
+        self._compare(twin)
         return iterations
+
+    def _compare(self, twin: NodalRod) -> None:
+        mine = np.concatenate((self.state.F[-1], self.g[-1]))
+        other = np.concatenate((twin.state.F[-1], twin.g[-1]))
+        self._estimate = max(float(relative_change(mine - other, mine, self.least)), self._floor)
 
     def _solve(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, drag: float,
@@ -268,7 +287,8 @@ class NodalRod(Rod):
         alike = np.full(state.lam.shape, COMPLIANCE)
         stiff = NORMAL, TANGENTIAL, alike if give is None else give
         soft = NORMAL, 1.0 / SOFT, np.full(state.lam.shape, SOFT)
-        for ahead, stages in ((True, (stiff,)), (False, (stiff,)), (False, (soft, stiff))):
+        trials = ((True, (stiff,)), (False, (stiff,)), (False, (soft, stiff)))
+        for ahead, stages in trials if drag == 0.0 else trials[1:2]:
             if ahead and not (self._moved and extrapolate(state, self.before, re, drag)):
                 continue
             code = CONVERGED
@@ -355,11 +375,13 @@ class NodalRod(Rod):
         return True
 
     def pair(self) -> None:
-        """Have a twin of half as many cells, whose end wrench tells how much the grid matters."""
-        twin = NodalRod(self.K, self.natural, self._under, self.cells // 2, self.coulomb)
+        """Have a twin of fewer cells, whose end wrench tells how much the grid matters."""
+        twin = NodalRod(self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb)
         places, _, _, forces, obstacles, _ = self.contacts()
         found = twin.adopt(self, self.state.q, self.state.F[-1], places, forces, obstacles, False)
         self.twin = twin if found else None
+        if found:
+            self._compare(twin)
 
     def variant(
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
@@ -456,6 +478,8 @@ class NodalRod(Rod):
             spent += count
             if code == CONVERGED and drag == 0.0:
                 return spent
+            if spent > FLOW_COST:
+                break
             if code == CONVERGED:
                 gone = float(np.abs(self.state.r - before).max())
                 drag *= 0.1 if gone < CALM else 0.5 if gone < 10.0 * CALM else 1.0
@@ -508,12 +532,7 @@ class NodalRod(Rod):
         return softest(self._tangents, self._rows, at, contacts, self.waves(), iterations)
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
-        """Difference of its end wrench from that of its twin, of half as many cells, relative."""
-        if self.twin is None:
-            return self._estimate
-        mine = np.concatenate((self.state.F[-1], self.g[-1]))
-        other = np.concatenate((self.twin.state.F[-1], self.twin.g[-1]))
-        self._estimate = max(float(relative_change(mine - other, mine, self.least)), self._floor)
+        """Relative difference of its end wrench from its twin's, when they last were at one pose."""
         return self._estimate
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:

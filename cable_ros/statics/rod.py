@@ -46,6 +46,9 @@ class Rod:
     few = 3
     """Iterations of a step after which the next one may be longer."""
 
+    cost = 1.0
+    """Work of an iteration over that of a rod without contact."""
+
     remembers = False
     """Whether falls keep friction's history."""
 

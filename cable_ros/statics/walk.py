@@ -143,7 +143,7 @@ def walk(
         )
         iterations += count
         # what touches counts what it spends itself
-        rod.work = min(rod.work, left - count * rod.elastic.shape[0]) - OVERHEAD
+        rod.work = min(rod.work, left - rod.cost * count * rod.elastic.shape[0]) - OVERHEAD
         if code == compiled.ADVANCED:
             at, q, F = target, q_new, F_new
             if count <= rod.few:
