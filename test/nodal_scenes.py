@@ -7,6 +7,7 @@ import numpy as np
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.contact_kernels import BOX, CAPSULE, CYLINDER, PLANE, SPHERE, WIDTH
+from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.search import Conditions, equilibria
 from cable_ros.statics.travel import FRICTION_STEP
@@ -87,7 +88,7 @@ def advance(rod: NodalRod, c: Conditions) -> int:
 
 
 def go(rod: NodalRod, to: Conditions, most: float = 0.4 * FRICTION_STEP) -> NodalRod:
-    """Go from the last equilibrium in steps of at most `most`, which are halved where one fails."""
+    """Go from the last equilibrium in steps of at most `most`, halved where one fails; it falls at last."""
     assert to.obstacles is not None
     qe, re, f, bodies = rod.qe, rod.re, rod.f, rod._under
     turn = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(qe), to.qe))
@@ -104,7 +105,10 @@ def go(rod: NodalRod, to: Conditions, most: float = 0.4 * FRICTION_STEP) -> Noda
             at, part = t, min(2.0 * part, longest)
         else:
             part *= 0.5
-            assert part > 1e-3 * longest, f"lost at {at}"
+        if part < 1e-3 * longest:
+            rod.set_conditions(there.qe, there.re, there.f, there.obstacles)
+            assert rod.minimum(rod.shape, rod.end_force, Options()) is not None, f"lost at {at}"
+            at, part = t, longest
     return rod
 
 

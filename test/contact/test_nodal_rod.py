@@ -21,6 +21,7 @@ from nodal_scenes import (
 from references import contact
 from references.reference import Reference
 
+from cable_ros.contact.nodal_kernels import COMPLIANCE
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.linalg.band_lu import band_solve
 from cable_ros.mechanics import quaternion
@@ -147,7 +148,7 @@ def test_everything_turned_gives_the_wrench_turned(shape: str) -> None:
     assert off(wrench(other), turned) < 1e-7
 
 
-@pytest.mark.parametrize("shape", ["plane", "capsule"])
+@pytest.mark.parametrize("shape", ["plane", "sphere"])
 def test_a_mirror_image_has_the_mirror_images_wrench(shape: str) -> None:
     one, other = led(shape, lambda c: c), led(shape, mirrored)
     assert off(wrench(other), wrench(one) * [1, -1, 1, -1, 1, -1]) < 1e-7
@@ -232,7 +233,7 @@ def test_an_obstacle_that_moves_carries_what_sticks_to_it(shape: str) -> None:
     go(rod, Conditions(rod.qe, rod.re, rod.f, after))
     assert not rod.sliding().any()
     assert np.array_equal(rod.state.lam[:, 0] > 0.0, touching)
-    assert own(after) == pytest.approx(places, abs=1e-6)  # a compliance of 1e-8 under forces of 10
+    assert own(after) == pytest.approx(places, abs=50.0 * COMPLIANCE)  # forces change by up to 50
     assert off(wrench(rod), begin) > 1e-4
     go(rod, Conditions(rod.qe, rod.re, rod.f, rough))
     assert off(wrench(rod), begin) < 1e-6
