@@ -66,6 +66,8 @@ GRID = 0.07
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
 COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
+BARRED = 1.0
+"""Number of longest steps beyond which a way is first asked whether anything bars it."""
 PLACES = np.linspace(0.0, 1.0, 65)
 """Where shapes are compared."""
 SINKS = "The cable could not be kept out of what it touches between the places that hold it."
@@ -240,6 +242,9 @@ class Follower:
         """Bring the equilibrium to another tolerance on its branch; forget it if that fails."""
         rod, tolerance = self._rod, self.tolerance
         assert rod is not None
+        if isinstance(rod, NodalRod):  # its grid stays
+            self._resolved = tolerance
+            return
         if rod.refactor(self._q, self._F):
             found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
             if not _touches(rod):
@@ -251,6 +256,10 @@ class Follower:
                 self._take(fine, self._joints)
                 self._estimate = np.inf
                 return
+        rod.refactor(self._q, self._F)
+        if rod.relative_error(self._q, self._F) <= tolerance or self._carried(rod, self._q, self._F):
+            self._resolved = tolerance
+            return
         self._rod = None
         self._lose(f"it could not be brought to the tolerance {tolerance:g}")
 
@@ -291,6 +300,13 @@ class Follower:
                 )
         return ""
 
+    def _barred_far(self, rod: Rod, there: Conditions) -> str:
+        """As `_barred`, asked only for a way of several steps: it takes as long as some."""
+        assert rod.obstacles is not None
+        assert there.obstacles is not None
+        far = travel(rod.qe, rod.re, rod.obstacles, there.qe, there.re, there.obstacles)
+        return self._barred(there.obstacles, there.re) if far > BARRED * self._longest else ""
+
     def _barred(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
         """A sentence where no way past the obstacles is as short as the cable."""
         found = None if obstacles is None else too_short(re, obstacles, self._reach)
@@ -310,8 +326,9 @@ class Follower:
         assert rod is not None
         there = self._conditions(kinematics, joints, poses, IDENTITY)
         within = there.obstacles is not None and float(np.linalg.norm(there.re)) < self._reach
-        if within and (blocked := self._blocked(there.obstacles, there.re)):
-            return self.failed(Status.OUT_OF_REACH, blocked, time.perf_counter() - begin)
+        if within and (no_way := self._blocked(there.obstacles, there.re) or self._barred_far(rod, there)):
+            # no walk leads anywhere
+            return self.failed(Status.OUT_OF_REACH, no_way, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
         origin, before, start = self._joints, _conditions(rod), rod
 

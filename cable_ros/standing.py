@@ -19,7 +19,8 @@ TOLD = 3
 BY_RULE = ", to the side of two that a small load along (1, 3, 2) of the start clamp's axes takes"
 REMEDY = (
     "It is known again once the cable touches nothing and has no other equilibrium near, or once every "
-    "contact slips; until then, call reset (of the node: ~/reset) to take the equilibrium of a cold start."
+    "contact is a point and slips; until then, call reset (of the node: ~/reset) to take the equilibrium "
+    "of a cold start."
 )
 
 

@@ -105,27 +105,17 @@ def drawn(tracker: Tracker, turns: np.ndarray) -> list[Equilibrium]:
     return [tracker.arrive({"turn": float(turn)})["cable"] for turn in turns]
 
 
-def test_friction_is_known_again_once_everything_has_slipped_long_enough() -> None:
+def test_a_patch_is_not_known_again_because_it_slips() -> None:
+    """Where a cable lies is the past's doing even while all of it slips."""
     there, back = np.array([0.0, 0.02, 0.04]), 0.04 - 1e-3 * np.arange(1, 31)
-    reference = draped(0.0)[1]
-    true = on_drum(reference, MU)
-    drawn(true, there)
-    # the same drum, come to without the way there
-    tracker = on_drum(reference, MU)
+    tracker = on_drum(draped(0.0)[1], MU)
     drawn(tracker, there[-1:])
     tracker.distrust({"cable": TOLD})
-    exact, found = drawn(true, back), drawn(tracker, back)
-    assert {one.status for one in exact} == {Status.CONVERGED}
-    statuses = [one.status for one in found]
-    known = statuses.index(Status.CONVERGED)
-    assert set(statuses[:known]) == {Status.BRANCH_LOST}
-    assert set(statuses[known:]) == {Status.CONVERGED}
-    # from no friction it slips after 0.01 rad, from friction the other way after 0.02
-    assert 0.02 <= 0.04 - back[known] <= 0.025
-    size = np.abs(exact[-1].end_wrench).max()
-    wrong = [np.abs(one.end_wrench - other.end_wrench).max() for one, other in zip(found, exact, strict=True)]
-    assert max(wrong[:known]) > 0.02 * size
-    assert max(wrong[known:]) < 2e-4 * size
+    found = drawn(tracker, back)
+    assert all(touch.sliding for touch in found[-1].contacts)
+    assert {one.status for one in found} == {Status.BRANCH_LOST}
+    tracker.reset()
+    assert drawn(tracker, back[-1:])[0].status is Status.CONVERGED
 
 
 @pytest.mark.parametrize(("later", "status"), [(1.1, Status.CONVERGED), (0.0, Status.BRANCH_LOST)])

@@ -39,8 +39,9 @@ of the margin from the last step's distance; cables away from folds have 0.1 to 
 FOLD = 10.0
 """A fold is shown if the margin's square, falling as measured, is 0 within this many of the last steps; at
 folds of free cables it was within 0.3 to 1.7."""
-ASIDE = 1e-4
-"""Size, root of the elastic energy, of the rotation, always the same one, that a fall starts with."""
+ASIDE = 5e-12
+"""Size, root of the elastic energy, of the rotation, always the same one, that a fall starts with: above
+rounding, below what the energy shows."""
 JUMP = 0.05
 """Rotation of a section, rad, that no step of SHORTEST along a branch makes."""
 AWAY = 0.2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -88,7 +89,7 @@ def test_friction_that_cannot_have_come_of_the_step_is_found() -> None:
     def fault(**said: Any) -> str:
         """Of an answer that is told again after the ground has gone away under it."""
         contacts = tuple(replace(contact, **said) for contact in found.contacts)
-        told = replace(found, _touching=lambda: contacts)
+        told = replace(found, _touching=lambda: SimpleNamespace(contacts=lambda: contacts))
         assert friction_fault(scene, kinematics, (found, before), (told, before)) is None
         return friction_fault(scene, kinematics, (found, before), (told, far)) or ""
 
