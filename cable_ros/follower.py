@@ -62,10 +62,12 @@ CLAMP_DEPTH = 1e-6
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
 LONGEST_STRETCH = 1.1
 """A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
-GRID = 0.07
+GRID = 0.05
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
 COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
+EQUAL = 1e-10
+"""Relative difference of two energies that is rounding: a whisper of weight is more, and chooses a side."""
 BARRED = 1.0
 """Number of longest steps beyond which a way is first asked whether anything bars it."""
 PLACES = np.linspace(0.0, 1.0, 65)
@@ -631,7 +633,7 @@ def _one_side_first(found: list[Found], hint: float) -> list[Found]:
     """Those as good as the first one by the side to which they go, before all others."""
 
     def alike(one: Found) -> bool:
-        energy = abs(one.energy - found[0].energy) <= 1e-6 * (1.0 + abs(found[0].energy))
+        energy = abs(one.energy - found[0].energy) <= EQUAL * (1.0 + abs(found[0].energy))
         return energy and abs(abs(one.twist - hint) - abs(found[0].twist - hint)) <= 1e-3
 
     first = [one for one in found if alike(one)]

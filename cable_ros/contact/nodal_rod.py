@@ -47,6 +47,8 @@ NORMAL, TANGENTIAL = 1e4, 1e6
 """Scales of the projections of normal force and friction, EI / L^3."""
 STEP = 0.5 * FRICTION_STEP
 """Longest step, lengths."""
+CORNER = 0.02
+"""Part of the longest step by which the twin may lag: a path that turns back must not be cut short."""
 SOFT = 1e-5
 """Compliance of stick, L^3 / EI, at which a solve that failed is tried again first."""
 SEED = 2e-5
@@ -256,7 +258,7 @@ class NodalRod(Rod):
     def _advance_twin(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray) -> int:
         """Let the twin follow in its own steps; if it cannot, it starts again from this rod's equilibrium."""
         twin = self.twin
-        if twin is None or travel(twin.qe, twin.re, twin._under, qe, re, obstacles) < 0.5 * STEP:
+        if twin is None or travel(twin.qe, twin.re, twin._under, qe, re, obstacles) < CORNER * STEP:
             return 0
         code, iterations, _, _ = twin.advance(twin.state.q, twin.state.F[-1], qe, re, f, 0.0, 0.6, obstacles)
         if code != compiled.ADVANCED:

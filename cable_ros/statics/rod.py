@@ -52,6 +52,9 @@ class Rod:
     remembers = False
     """Whether falls keep friction's history."""
 
+    lies = False
+    """Whether it lies along something that rubs."""
+
     forgot = False
     """Whether friction's history was lost in a descent, which knows nothing of it."""
 

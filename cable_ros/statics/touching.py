@@ -49,6 +49,11 @@ class TouchingRod(BorderedRod):
             new.count = resample(new.points, new.count, new.h, new.s0)
         return new
 
+    @property
+    def lies(self) -> bool:  # type: ignore[override]
+        """Whether it lies along something that rubs."""
+        return self.model == COULOMB and bool((self.points[: self.count, KIND] != POINT).any())
+
     def spend(self, iterations: int) -> None:
         """Count iterations with the present mesh as work done."""
         self.work -= iterations * self.elastic.shape[0]

@@ -19,8 +19,9 @@ SHORTEST = 1e-4
 """Smallest part of the longest step before the branch counts as ended."""
 BEYOND = 0.02
 """Part of the longest step below which a step that leads out of reach is not halved further."""
-CARRY = 0.05
-"""Part of the longest step below which a rod that fails is replaced."""
+CARRY, LAST = 0.05, 1e-3
+"""Part of the longest step below which a rod that fails is replaced: one that lies on something that rubs, and
+any other, which mostly gets there in small steps."""
 CARRY_WORK = 25_000
 """Work, iterations times unknowns, after which it is: about 50 ms."""
 LEAST = 1e-9
@@ -154,6 +155,8 @@ def walk(
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
         hard = step * 0.5 < CARRY * longest or given - rod.work > CARRY_WORK
+        if not rod.lies:
+            hard = step * 0.5 < LAST * longest
         if carrier is not None and (hard or not rod.refactor(q, F)):
             carried, carrier = carrier(rod, q, F), None
             if carried is not None:
