@@ -59,13 +59,13 @@ def _positions(c: np.ndarray, h: np.ndarray, s0: np.ndarray, places: np.ndarray)
 def on_grid(
     touching: tuple[np.ndarray, ...], names: Sequence[str], start: np.ndarray, units: Units
 ) -> ContactTable:
-    """The contacts of a `NodalRod` in the world, by rising arc length, each a point force.
+    """The contacts of a `NodalRod` in the world, by rising arc length.
 
     Args:
         touching: see `NodalRod.contacts`.
         names, start, units: as in `contact_table`.
     """
-    places, positions, normals, forces, obstacles, sliding = touching
+    places, positions, normals, forces, obstacles, sliding, spread = touching
     turn = Rotation.from_quat(start[3:]).as_matrix().T
     return ContactTable(
         names=tuple(names),
@@ -74,6 +74,6 @@ def on_grid(
         position=start[:3] + units.length * positions @ turn,
         normal=normals @ turn,
         force=units.force * forces @ turn,
-        length=np.zeros(len(places)),
+        length=spread * units.length,
         sliding=sliding,
     )

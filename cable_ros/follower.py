@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -66,7 +67,7 @@ GRID = 0.05
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
 COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
-EQUAL = 1e-10
+EQUAL = 1e-11
 """Relative difference of two energies that is rounding: a whisper of weight is more, and chooses a side."""
 BARRED = 1.0
 """Number of longest steps beyond which a way is first asked whether anything bars it."""
@@ -247,6 +248,7 @@ class Follower:
         if isinstance(rod, NodalRod):  # its grid stays
             self._resolved = tolerance
             return
+        spare = copy.deepcopy(rod)
         if rod.refactor(self._q, self._F):
             found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
             if not _touches(rod):
@@ -258,8 +260,11 @@ class Follower:
                 self._take(fine, self._joints)
                 self._estimate = np.inf
                 return
-        rod.refactor(self._q, self._F)
-        if rod.relative_error(self._q, self._F) <= tolerance or self._carried(rod, self._q, self._F):
+        if rod.relative_error(self._q, self._F) <= tolerance:
+            # fine enough as it is
+            self._rod, self._resolved = spare, tolerance
+            return
+        if self._carried(rod, self._q, self._F):
             self._resolved = tolerance
             return
         self._rod = None
@@ -647,5 +652,5 @@ def _choice(chosen: Found, found: list[Found]) -> str:
     sentence = Status.CONVERGED.sentence
     if twins < 2:
         return sentence
-    rule = "this side, towards (1, 3, 2) of the start clamp's axes, is a rule's choice"
+    rule = "this side, towards (-1, -3, -2) of the start clamp's axes, is a rule's choice"
     return f"{sentence[:-1]}, one of {twins} of equal energy: {rule}."

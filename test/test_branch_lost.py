@@ -164,7 +164,9 @@ def test_another_tolerance_keeps_the_branch_and_its_friction() -> None:
     tracker.tolerance = 1e-5
     (after,) = drawn(tracker, np.array([0.04]))
     assert after.status is Status.CONVERGED
-    assert after.end_wrench == pytest.approx(before.end_wrench, abs=2e-4 * np.abs(before.end_wrench).max())
+    # all of it slips, where Newton's method may not get to 1e-8: then it goes on on a grid, and says so
+    off = np.abs(after.end_wrench - before.end_wrench).max() / np.abs(before.end_wrench).max()
+    assert off < max(2e-4, after.error_estimate)
 
 
 def test_a_log_carries_what_was_lost() -> None:

@@ -34,6 +34,8 @@ class Compared:
     statuses: list[str]
     times: np.ndarray
     """(n,) wall time of every solve, s."""
+    twist: float
+    """Total twist of the first equilibrium, rad; if it is another than the reference's, so is the path."""
 
 
 def run(path: Known) -> Compared:
@@ -47,6 +49,7 @@ def run(path: Known) -> Compared:
         np.array([one.status.trusted for one in found]),
         [one.status.name for one in found],
         np.array([one.solve_time for one in found]),
+        found[0].total_twist,
     )
 
 

@@ -156,7 +156,7 @@ def by_chance() -> list[Case]:
     )
     either = (*free.statuses, Status.NOT_CONVERGED)
     # where the branch or the budget ends without a fold, that must be said
-    said = (*free.statuses, Status.BRANCH_LOST, Status.UNFINISHED)
+    said = (*free.statuses, Status.BRANCH_LOST, Status.UNFINISHED, Status.NOT_CONVERGED)
     honest = (
         ("a branch that ends without a fold", 77, 496),
         ("a point beside a patch", 77, 4),

@@ -1,4 +1,4 @@
-"""Named hard cases that are not had yet: what passes moves to the zoo.
+"""Named hard cases beside the zoo: too slow for it, or not had yet.
 
     cable bench robustness --zoo test/zoo_open.py
 

@@ -213,11 +213,21 @@ class NodalRod(Rod):
         return self._slips
 
     def contacts(self) -> tuple[np.ndarray, ...]:
-        """Arc lengths (c,), positions, normals and forces (c, 3), obstacles and whether they slide (c,)."""
+        """Arc lengths (c,), positions, normals and forces (c, 3), obstacles, whether they slide, and the
+        length along which each force is spread (c,), by rising arc length.
+
+        Three or more side by side are a patch, each the pressure on a cell.
+        """
         at = np.nonzero(self.state.lam)
+        pressed = np.pad(self.state.lam != 0.0, ((2, 2), (0, 0)))
+        count = len(self.state.lam)
+        runs = [pressed[k : k + count] & pressed[k + 1 : k + 1 + count] & pressed[k + 2 : k + 2 + count]
+                for k in range(3)]  # fmt: skip
+        spread = np.where(runs[0] | runs[1] | runs[2], 1.0 / self.cells, 0.0)[at]
         normals = np.array([self.contact_frame(k, o)[0] for k, o in zip(*at, strict=True)]).reshape(-1, 3)
         places = np.append(self.s0, 1.0)[at[0]]
-        return places, self.state.r[at[0]], normals, self.contact_forces()[at], at[1], self.sliding()[at]
+        forces, sliding = self.contact_forces()[at], self.sliding()[at]
+        return places, self.state.r[at[0]], normals, forces, at[1], sliding, spread
 
     # steps
 
@@ -388,7 +398,7 @@ class NodalRod(Rod):
     def pair(self) -> None:
         """Have a twin of fewer cells, whose end wrench tells how much the grid matters."""
         twin = NodalRod(self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb)
-        places, _, _, forces, obstacles, _ = self.contacts()
+        places, _, _, forces, obstacles, _, _ = self.contacts()
         found = twin.adopt(self, self.state.q, self.state.F[-1], places, forces, obstacles, False)
         self.twin = twin if found else None
         if found:

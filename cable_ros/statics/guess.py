@@ -18,9 +18,9 @@ _SLOPES = np.stack(
 )
 
 
-ASIDE = 1e-9
+ASIDE = 3e-11
 """Rotation, rad, by which start shapes are turned aside: above rounding, below a whisper of weight."""
-SIDE = np.array([1.0, 3.0, 2.0]) / np.sqrt(14.0)
+SIDE = np.array([-1.0, -3.0, -2.0]) / np.sqrt(14.0)
 """To which side of the start clamp's axes a cable goes of two that are alike: in no plane of symmetry that a
 drawn scene has."""
 

@@ -20,8 +20,8 @@ SHORTEST = 1e-4
 BEYOND = 0.02
 """Part of the longest step below which a step that leads out of reach is not halved further."""
 CARRY, LAST = 0.05, 1e-3
-"""Part of the longest step below which a rod that fails is replaced: one that lies on something that rubs, and
-any other, which mostly gets there in small steps."""
+"""Part of the longest step below which a rod that fails is replaced: one that lies on something that rubs,
+and any other, which mostly gets there in small steps."""
 CARRY_WORK = 25_000
 """Work, iterations times unknowns, after which it is: about 50 ms."""
 LEAST = 1e-9

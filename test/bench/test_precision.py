@@ -70,7 +70,8 @@ def test_the_rows_of_every_panel_and_a_tick_for_every_stretch(measured):
     assert len(ticks) == pytest.approx(bench.ticks(), rel=0.25)
     for row in rows:
         assert 0 < row.seconds <= row.seconds_90
-        assert row.error_median <= row.error
+        # a baseline may fail at every pose, on some processors: then it has no error
+        assert row.failed == row.poses or row.error_median <= row.error
 
 
 def test_the_tracker_of_several_cables_is_timed_per_cable(measured):
