@@ -652,5 +652,5 @@ def _choice(chosen: Found, found: list[Found]) -> str:
     sentence = Status.CONVERGED.sentence
     if twins < 2:
         return sentence
-    rule = "this side, towards (-1, -3, -2) of the start clamp's axes, is a rule's choice"
+    rule = "this side, towards (-1, 3, 2) of the start clamp's axes, is a rule's choice"
     return f"{sentence[:-1]}, one of {twins} of equal energy: {rule}."

@@ -16,7 +16,7 @@ ALIKE = 1e-2
 """Relative difference of energy and end moment below which a coarse search has found the same equilibrium."""
 TOLD = 3
 """Number of snaps that one message describes."""
-BY_RULE = ", to the side of two that a small load along (-1, -3, -2) of the start clamp's axes takes"
+BY_RULE = ", to the side of two that a small load along (-1, 3, 2) of the start clamp's axes takes"
 REMEDY = (
     "It is known again once the cable touches nothing and has no other equilibrium near, or once every "
     "contact is a point and slips; until then, call reset (of the node: ~/reset) to take the equilibrium "

@@ -20,7 +20,7 @@ _SLOPES = np.stack(
 
 ASIDE = 3e-11
 """Rotation, rad, by which start shapes are turned aside: above rounding, below a whisper of weight."""
-SIDE = np.array([-1.0, -3.0, -2.0]) / np.sqrt(14.0)
+SIDE = np.array([-1.0, 3.0, 2.0]) / np.sqrt(14.0)
 """To which side of the start clamp's axes a cable goes of two that are alike: in no plane of symmetry that a
 drawn scene has."""
 
@@ -181,11 +181,13 @@ def along(
 
 
 def aside(q: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Frames q (n, 4) turned a little, the same way whatever the cable.
+    """Frames q (n, 4) turned a little, such that the cable bulges towards SIDE of each section's axes.
 
     A descent from a symmetric shape then takes a side that rounding cannot choose.
     """
-    wave = ASIDE * (np.sin(np.pi * nodes)[:, None] * SIDE + np.sin(2.0 * np.pi * nodes)[:, None] * SIDE[::-1])
+    # tangents towards SIDE in the first half and back in the second: a bulge
+    axis = np.array([-SIDE[1], SIDE[0], 0.0])
+    wave = ASIDE * np.sin(2.0 * np.pi * nodes)[:, None] * axis
     out = np.empty_like(q)
     quaternion.retract(q, wave.ravel(), out)
     return out
