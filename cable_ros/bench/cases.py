@@ -23,7 +23,7 @@ from cable_ros.solve.status import Status
 from cable_ros.tracker import Tracker
 
 Pose = Mapping[str, float]
-TOLD, CELLS = 1.5, 1e-2
+TOLD, CELLS = 1.5, 3e-2
 """Times its own estimate that an answer on a grid may be off, and what it may be in any case: it tells its
 contacts cell by cell, from which they are taken here."""
 START_FACTOR = 5.0
