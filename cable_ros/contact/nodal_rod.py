@@ -68,7 +68,7 @@ CALM = 0.003
 """Motion in a step of a fall, lengths, below which the drag is reduced tenfold."""
 DRAGS = 80
 """Maximum number of steps of a fall."""
-LEAP, LEAST_LEAP = 8.0, 2e-3
+LEAP, LEAST_LEAP = 10.0, 2e-3
 """A step leads no place of the cable farther than so many times what is led, and so much more, lengths."""
 RARE = 0.2
 """Part of the longest step below which a step that fails is made in a viscous medium."""
