@@ -19,7 +19,7 @@ from cable_ros.mechanics.effects.effect import Properties
 from cable_ros.overlaps import OUTLINE, SPACING, closest_approach, warning
 from cable_ros.scene import Cable, Kinematics
 from cable_ros.solve.status import Status
-from cable_ros.standing import Standing, alone, motion, passes
+from cable_ros.standing import Standing, alone, motion
 from cable_ros.statics import compiled
 from cable_ros.statics.change import Section, follow, made_of
 from cable_ros.statics.detour import too_short
@@ -75,7 +75,13 @@ PLACES = np.linspace(0.0, 1.0, 65)
 """Where shapes are compared."""
 SINKS = "The cable could not be kept out of what it touches between the places that hold it."
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
-CUT = "before a pose was reached another one was asked for, and friction depends on the way"
+MOST_WAITING = 64
+"""Number of poses that may wait to be gone through, as friction depends on the path."""
+ENOUGH = 0.5
+"""Part of the budget that must be left to go on from one of them to the next."""
+CUT = (
+    f"more than {MOST_WAITING} poses were asked for before they were reached, and friction depends on the way"
+)
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
 """What a result says whose stability margin is 0."""
 
@@ -132,6 +138,7 @@ class Follower:
         self._joints = np.empty(0)
         self._twist: float | None = None
         self._standing = Standing()
+        self._budget, self._passing = float(WORK), False
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
         self._apart = np.inf
@@ -194,19 +201,33 @@ class Follower:
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
     ) -> Equilibrium:
         """The equilibrium at `joints`, the clamps at `poses`; `kinematics` tells of the way there."""
-        towards, cut = self._standing.towards, False
-        if towards is not None:
-            self._standing = replace(self._standing, towards=None)
-            cut = self._model == COULOMB and not passes(self._joints, np.array(towards), joints)
-        if cut and self._rod is not None and _touches(self._rod):
+        self._budget = FREE_WORK if self._obstacles is None else WORK
+        waiting = self._standing.waiting if self._model == COULOMB and self._rod is not None else ()
+        self._standing = replace(self._standing, waiting=())
+        if len(waiting) > MOST_WAITING:
             self._lose(CUT)
-        found = self._follow(kinematics, index, joints, poses, begin)
-        if cut and found.converged and self._rod is not None and _touches(self._rod):
-            self._lose(CUT)
-            assert self._standing.loss is not None
-            message = self._standing.loss.message
-            found = replace(found, status=Status.BRANCH_LOST, message=message, converged=False)
-        return found
+            waiting = ()
+        for i, asked in enumerate(waiting):
+            unfinished = self._past(kinematics, index, np.array(asked), begin)
+            if unfinished is not None:
+                self._standing = replace(self._standing, waiting=waiting[i:]).asked(self._joints, joints)
+                return unfinished
+        return self._follow(kinematics, index, joints, poses, begin)
+
+    def _past(
+        self, kinematics: Kinematics, index: int, joints: np.ndarray, begin: float
+    ) -> Equilibrium | None:
+        """Go through a pose that was asked for before; the result if that, or the budget, is not finished."""
+        self._passing = True
+        found = self._follow(kinematics, index, joints, kinematics.poses(joints)[index], begin)
+        self._passing = False
+        if self._rod is not None:
+            self._budget = self._rod.work
+        if found.status is Status.UNFINISHED:
+            return found
+        if self._budget > ENOUGH * WORK:
+            return None
+        return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin)
 
     def _follow(
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
@@ -217,7 +238,7 @@ class Follower:
         if rod is None:
             hint = self._hint if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, hint)
-        rod.work = FREE_WORK if self._obstacles is None else WORK
+        rod.work = self._budget
         if isinstance(rod, TouchingRod):
             rod.patience = PATIENCE
         if _farthest(joints, self._joints) > LONGEST:
@@ -346,7 +367,7 @@ class Follower:
         way = float(np.abs(joints - origin).max(initial=0.0))
         longest = LONGEST / max(way, LONGEST)
         carrier = handover.nodal if isinstance(rod, TouchingRod) and rod.model != SLIDING else None
-        first = longest if isinstance(rod, NodalRod) else 0.5 * longest
+        first = longest * min(rod.stride, 1.0 if isinstance(rod, NodalRod) else 0.5)
         result = walk(
             rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, first, longest, carrier, self._longest
         )
@@ -367,7 +388,7 @@ class Follower:
             # the mesh must keep up with what the cable does on a long way
             there_poses = kinematics.poses(reached)[index]
             self._finish(Status.UNFINISHED, "", result.iterations, there_poses, begin)
-            self._standing = replace(self._standing, towards=tuple(joints.tolist()))
+            self._standing = self._standing.asked(reached, joints)
             unfinished = self.failed(
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )
@@ -520,7 +541,7 @@ class Follower:
             message = FREE
         if standing.loss is not None:
             status, message = Status.BRANCH_LOST, standing.loss.message
-        elif standing.snaps and status is Status.CONVERGED:
+        elif standing.snaps and status is Status.CONVERGED and not self._passing:
             status, message = Status.SNAPPED, standing.story(unit.moment)
             self._standing = Standing()
         overlaps: tuple[Overlap, ...] = ()

@@ -79,8 +79,8 @@ class Standing:
     """The last of the snaps through folds that no result has told yet, at most TOLD."""
     more: int = 0
     """Number of such snaps before these."""
-    towards: tuple[float, ...] | None = None
-    """Joint values of the pose to which the way is unfinished."""
+    waiting: tuple[tuple[float, ...], ...] = ()
+    """Joint values of the poses that were asked for and not reached yet: friction depends on the path."""
 
     def lost(self, told: str, history: bool) -> Standing:
         """After a loss; what was unknown before stays told."""
@@ -93,6 +93,13 @@ class Standing:
             return self
         snaps = (*self.snaps, fall)
         return Standing(None, snaps[-TOLD:], self.more + max(0, len(snaps) - TOLD))
+
+    def asked(self, here: np.ndarray, joints: np.ndarray) -> Standing:
+        """After another pose, `joints` (n,), was asked for and not reached; the cable is `here` (n,)."""
+        route = [tuple(here.tolist()), *self.waiting]
+        while len(route) > 1 and passes(np.array(route[-2]), np.array(route[-1]), joints):
+            route.pop()  # it is on the straight path to the next
+        return replace(self, waiting=(*route[1:], tuple(joints.tolist())))
 
     def story(self, unit: float) -> str:
         """The message of a snap; `unit`: of energy, J."""

@@ -140,6 +140,32 @@ def slid(r, carried, d, u):
 
 
 @njit(**OPTIONS)
+def contact_frames(state, obstacles, frames, normals, forces):
+    """Normals and forces of the contacts that press; `frames` is turned along with the normals.
+
+    Args:
+        state: `State`.
+        obstacles: (o, WIDTH).
+        frames: (m + 1, o, 3) the first direction of each contact's frame; changed where a contact presses.
+        normals, forces: (m + 1, o, 3) receive the normals and the obstacles' forces on the cable, EI / L^2;
+            zero elsewhere.
+    """
+    n, d, directions, bends = np.empty(3), np.empty((2, 3)), np.empty((2, 3)), np.empty(2)
+    normals[:], forces[:] = 0.0, 0.0
+    for k in range(frames.shape[0]):
+        for o in range(frames.shape[1]):
+            push, tau = state.lam[k, o], state.tau[k, o]
+            if push == 0.0:
+                continue
+            gap(obstacles[o], state.r[k], n, directions, bends)
+            tangent_frame(n, frames[k, o], d)
+            for a in range(3):
+                frames[k, o, a] = d[0, a]
+                normals[k, o, a] = n[a]
+                forces[k, o, a] = push * n[a] + tau[0] * d[0, a] + tau[1] * d[1, a]
+
+
+@njit(**OPTIONS)
 def residuals(state, model, step, work):
     """Residuals of all equations at a `State` of a `Model` in a `Step`; `work` (`Work`) receives them."""
     q, r, F = state.q, state.r, state.F

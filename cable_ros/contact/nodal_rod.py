@@ -19,7 +19,9 @@ from cable_ros.contact.nodal_kernels import (
     OPEN,
     SLIP,
     carry_history,
+    contact_frames,
     residuals,
+    tangent_frame,
 )
 from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
 from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_response
@@ -27,14 +29,15 @@ from cable_ros.contact.nodal_stability import ITERATIONS, softest
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
 from cable_ros.linalg.band_lu import band_factor
+from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.contact import gaps
-from cable_ros.mechanics.effects.contact_kernels import across, gap
+from cable_ros.mechanics.effects.contact_kernels import gap
 from cable_ros.mechanics.elements import Mesh, reference_element
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.guess import SIDE
 from cable_ros.statics.rod import Rod
-from cable_ros.statics.travel import FRICTION_STEP, travel
+from cable_ros.statics.travel import FRICTION_LEAST, FRICTION_STEP, SHORTER, stride, travel
 from cable_ros.statics.units import relative_change
 
 FEWEST, MOST = 80, 192
@@ -72,6 +75,8 @@ LEAP, LEAST_LEAP = 10.0, 2e-3
 """A step leads no place of the cable farther than so many times what is led, and so much more, lengths."""
 RARE = 0.2
 """Part of the longest step below which a step that fails is made in a viscous medium."""
+FIRST = np.array([1.0, 0.0, 0.0])
+"""The first direction of a contact's frame before anything has touched, but for its part along the normal."""
 FLOW_COST = 300
 """Iterations after which a fall is given up."""
 
@@ -152,10 +157,11 @@ class NodalRod(Rod):
         self._trial = State.zeros(elements, count)
         self.obstacles, self._under = obstacles, obstacles  # asked for, and at the last equilibrium
         self.twin: NodalRod | None = None
+        self.follows = False  # whether it is a twin, which takes the other's steps
         self._estimate, self._floor = np.inf, 0.0
         self._size = 0, 0
         self.frames = np.zeros((elements + 1, count, 3))
-        self.frames[..., 0] = 1.0
+        self.frames[:] = FIRST
         self._slips = np.zeros((elements + 1, count), bool)
         self._step: Step | None = None
         self._moved = False  # whether `before` is the equilibrium before the last
@@ -191,22 +197,13 @@ class NodalRod(Rod):
 
     def contact_forces(self) -> np.ndarray:
         """(m + 1, o, 3): force of each obstacle on the cable at each boundary."""
-        out = np.zeros((*self.state.lam.shape, 3))
-        for k, o in zip(*np.nonzero(self.state.lam), strict=True):
-            n, d = self.contact_frame(k, o)
-            out[k, o] = self.state.lam[k, o] * n + self.state.tau[k, o] @ d
-        return out
+        return self._pressed()[1]
 
-    def contact_frame(self, k: int, o: int) -> tuple[np.ndarray, np.ndarray]:
-        """Normal (3,) and the two directions (2, 3) across it at boundary k on obstacle o."""
-        n, d, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
-        gap(self._under[o], self.state.r[k], n, d, bends)
-        along = self.frames[k, o] - (self.frames[k, o] @ n) * n
-        size = np.linalg.norm(along)
-        if size < 1e-6:
-            across(n, d)
-            return n, d
-        return n, np.array([along / size, np.cross(n, along / size)])
+    def _pressed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Normals and forces of the contacts, (m + 1, o, 3) each; zero where nothing presses."""
+        normals, forces = np.empty_like(self.frames), np.empty_like(self.frames)
+        contact_frames(self.state, self._under, self.frames, normals, forces)
+        return normals, forces
 
     def sliding(self) -> np.ndarray:
         """(m + 1, o): which contacts slide."""
@@ -224,10 +221,9 @@ class NodalRod(Rod):
         runs = [pressed[k : k + count] & pressed[k + 1 : k + 1 + count] & pressed[k + 2 : k + 2 + count]
                 for k in range(3)]  # fmt: skip
         spread = np.where(runs[0] | runs[1] | runs[2], 1.0 / self.cells, 0.0)[at]
-        normals = np.array([self.contact_frame(k, o)[0] for k, o in zip(*at, strict=True)]).reshape(-1, 3)
+        normals, forces = self._pressed()
         places = np.append(self.s0, 1.0)[at[0]]
-        forces, sliding = self.contact_forces()[at], self.sliding()[at]
-        return places, self.state.r[at[0]], normals, forces, at[1], sliding, spread
+        return places, self.state.r[at[0]], normals[at], forces[at], at[1], self.sliding()[at], spread
 
     # steps
 
@@ -240,8 +236,9 @@ class NodalRod(Rod):
         way = travel(self.qe, self.re, self._under, qe, re, obstacles)
         if way > STEP:
             return compiled.TOO_FAR, 0, q, F
-        known = self._known()
+        known, self.stride = self._known(), 2.0
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
+        flown = None
         if code != CONVERGED and way < RARE * STEP:
             # what Newton's method cannot do at once a viscous medium does little by little
             flown = self._flow(qe, re, f, obstacles)
@@ -250,6 +247,11 @@ class NodalRod(Rod):
         self.work -= self.cost * iterations * len(self.elastic)
         if code != CONVERGED:
             return compiled.NOT_CONTRACTING, iterations, q, F
+        if flown is None and not self.follows:
+            self.stride = stride(self._friction_change(known.state))
+            if self.stride < SHORTER and way > FRICTION_LEAST:
+                self._return(known)
+                return compiled.TOO_FAR, iterations, q, F
         leapt = np.abs(self.state.r - known.state.r).max() > LEAP * way + LEAST_LEAP
         turned = np.abs(np.sum(known.state.q * self.state.q, axis=1)).min() < np.cos(0.5 * limit)
         if leapt or turned:
@@ -264,6 +266,19 @@ class NodalRod(Rod):
         self._moved = True
         iterations += self._advance_twin(qe, re, f, obstacles)
         return compiled.ADVANCED, iterations, self.state.q.copy(), self.state.F[-1].copy()
+
+    def _friction_change(self, before: State) -> float:
+        """How much the friction of what slips has changed since `before` across the cable, see `travel`."""
+        state, (normals, _) = self.state, self._pressed()
+        possible = float((state.lam * self._under[:, FRICTION]).sum())
+        if possible == 0.0:
+            return 0.0
+        change = state.tau - before.tau
+        along = quaternion.tangents(state.q[::ORDER])[:, None]
+        across = np.cross(
+            along, change[..., :1] * self.frames + change[..., 1:] * np.cross(normals, self.frames)
+        )
+        return float(np.linalg.norm(across, axis=2)[self._slips].sum()) / possible
 
     def _advance_twin(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray) -> int:
         """Let the twin follow in its own steps; if it cannot, it starts again from this rod's equilibrium."""
@@ -339,9 +354,7 @@ class NodalRod(Rod):
         state.lam[kinds == OPEN] = 0.0
         state.tau[kinds == OPEN] = 0.0
         self._slips = (kinds == SLIP) & (state.lam > 0.0)
-        # the directions across go along with the normal from here on
-        for k, o in zip(*np.nonzero(state.lam), strict=True):
-            self.frames[k, o] = self.contact_frame(k, o)[1][0]
+        self._pressed()  # the directions across go along with the normal from here on
         self._weigh()
         self.drift, self.age = 0.0, 0.0
 
@@ -374,13 +387,15 @@ class NodalRod(Rod):
             state.F[e] = F + forces[places > middles[e]].sum(axis=0) + rod.f * (m - 1 - e) / self.cells
         state.lam[:], state.tau[:] = 0.0, 0.0
         self.obstacles, self._under, self._moved = rod.obstacles, rod.obstacles, False
-        self.frames[:] = [1.0, 0.0, 0.0]
+        self.frames[:] = FIRST
+        n, d, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
         for s, force, o in zip(places, forces, obstacles, strict=True):
             at = np.clip(s * self.cells + 0.5, 1.0, m - 1.0)
             low = min(int(at), m - 2)
             for k, share in ((low, low + 1 - at), (low + 1, at - low)):
                 if share > 0.0:
-                    n, d = self.contact_frame(k, int(o))
+                    gap(self._under[o], state.r[k], n, d, bends)
+                    tangent_frame(n, FIRST, d)
                     self.frames[k, o] = d[0]
                     state.lam[k, o] += share * max(force @ n, 0.0)
                     state.tau[k, o] += share * (d @ force)
@@ -398,6 +413,7 @@ class NodalRod(Rod):
     def pair(self) -> None:
         """Have a twin of fewer cells, whose end wrench tells how much the grid matters."""
         twin = NodalRod(self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb)
+        twin.follows = True
         places, _, _, forces, obstacles, _, _ = self.contacts()
         found = twin.adopt(self, self.state.q, self.state.F[-1], places, forces, obstacles, False)
         self.twin = twin if found else None
@@ -411,7 +427,9 @@ class NodalRod(Rod):
         """As `Rod.variant`, at the same equilibrium; the mesh stays."""
         made_of = self.K if stiffness is None else stiffness, self.natural if natural is None else natural
         new = self._known().rod(self, *made_of, scale)
-        new.twin = None if self.twin is None else self.twin.variant(None, stiffness, natural, scale)
+        if self.twin is not None:
+            new.twin = self.twin.variant(None, stiffness, natural, scale)
+            new.twin.follows = True
         return new
 
     def snapshot(self) -> Callable[[], Rod]:
@@ -452,7 +470,7 @@ class NodalRod(Rod):
 
     def _integrate(self) -> None:
         """Positions of the boundaries from the frames."""
-        tangents = quaternion_tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
+        tangents = quaternion.tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
         ways = self.h[:, None] * np.einsum("g,mga->ma", self.tables[5], tangents.reshape(len(self.h), -1, 3))
         self.state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(ways, axis=0)))
 
@@ -564,17 +582,9 @@ class NodalRod(Rod):
 
         At the last equilibrium, which (q, F) must be.
         """
-        state, forces = self.state, self.contact_forces()
-        normal = np.zeros_like(forces)
-        for k, o in zip(*np.nonzero(state.lam), strict=True):
-            normal[k, o] = state.lam[k, o] * self.contact_frame(k, o)[0]
-        step = standing(state, self._last_step(), forces - normal, self.frames, self.sliding())
+        state, (normals, forces) = self.state, self._pressed()
+        friction = forces - state.lam[:, :, None] * normals
+        step = standing(state, self._last_step(), friction, self.frames, self.sliding())
         return wrench_response(
             state, self._model, step, self._work, self._tangents, self._rows, self._band, forces, moving
         )
-
-
-def quaternion_tangents(q: np.ndarray) -> np.ndarray:
-    """(n, 3): third columns of the frames q (n, 4), scalar first."""
-    w, x, y, z = q.T
-    return np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w - x * x - y * y + z * z), axis=1)

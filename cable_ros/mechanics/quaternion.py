@@ -129,6 +129,12 @@ def to_ros(q: np.ndarray) -> np.ndarray:
     return np.roll(q, -1, axis=-1)
 
 
+def tangents(q: np.ndarray) -> np.ndarray:
+    """(n, 3): third columns of the frames q (n, 4)."""
+    w, x, y, z = q.T
+    return np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w - x * x - y * y + z * z), axis=1)
+
+
 def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The shortest rotation (4,) that takes the unit vector a to the unit vector b."""
     out = np.concatenate(([1.0 + a @ b], np.cross(a, b)))

@@ -55,6 +55,9 @@ class Rod:
     lies = False
     """Whether it lies along something that rubs."""
 
+    stride = 2.0
+    """How much longer the next step may be than the last, or shorter it must be, for friction's sake."""
+
     forgot = False
     """Whether friction's history was lost in a descent, which knows nothing of it."""
 

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from cable_ros.mechanics import quaternion
 from cable_ros.mechanics.effects.contact_kernels import curve
 from cable_ros.mechanics.elements import Mesh
 from cable_ros.solve.trust_region import Options
@@ -16,10 +17,14 @@ from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.statics.rod import Rod
 from cable_ros.statics.touch_borders import BorderedRod
 from cable_ros.statics.touch_meshes import fitted, layered
-from cable_ros.statics.touch_points import FORCE, FRICTION, HELD, KIND, OBSTACLE, POINT, TIE
+from cable_ros.statics.touch_points import FORCE, FRICTION, HELD, KIND, OBSTACLE, PLACE, POINT, SLIPS, TIE
 from cable_ros.statics.touch_search import passage
 from cable_ros.statics.touch_step import touch
 from cable_ros.statics.touch_stretches import resample
+from cable_ros.statics.travel import FRICTION_CHANGE, FRICTION_LEAST, SHORTER, stride, travel
+
+DENSE = 20.0
+"""The square of so many constraint rows takes as long as one unknown of the band: 2 us."""
 
 
 class TouchingRod(BorderedRod):
@@ -55,8 +60,8 @@ class TouchingRod(BorderedRod):
         return self.model == COULOMB and bool((self.points[: self.count, KIND] != POINT).any())
 
     def spend(self, iterations: int) -> None:
-        """Count iterations with the present mesh as work done."""
-        self.work -= iterations * self.elastic.shape[0]
+        """Count iterations with the present mesh and contacts as work done."""
+        self.work -= iterations * (self.elastic.shape[0] + self.rows**2 / DENSE)
 
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
@@ -164,7 +169,7 @@ class TouchingRod(BorderedRod):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One solve with contact points, from the equilibrium (q, F) with its own; see `touch_step.touch`."""
         kept, sense, mesh = self.state(), self.sense, self.mesh
-        self.latest = None  # the gradient will be another's
+        self.latest, self.stride = None, 2.0  # the gradient will be another's
         Y, S = (self.borders, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
         spent = 0
         if remesh and self.model == SLIDING:
@@ -184,6 +189,10 @@ class TouchingRod(BorderedRod):
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = compiled.NOT_CONTRACTING, 0, False, np.inf
         self.spend(iterations)
+        if code == compiled.ADVANCED and self.model == COULOMB:
+            self.stride = stride(self._friction_change(q_new, obstacles))
+            way = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
+            code = compiled.TOO_FAR if self.stride < SHORTER and way > FRICTION_LEAST else code
         self.ready, same = code == compiled.ADVANCED, self.count == kept[1]
         age = self.drift + 2.0 * float(np.abs(q_new - q).max()) if self.ready else np.inf
         if self.model == COULOMB and turned == 0.0 and same and age < self.refresh:
@@ -218,6 +227,17 @@ class TouchingRod(BorderedRod):
             super().refactor(q_new, F_new)
         self.settled = q_new
         return code, iterations, q_new, F_new
+
+    def _friction_change(self, q: np.ndarray, obstacles: np.ndarray) -> float:
+        """How much the friction of what slips has changed in a step to q across the cable, see `travel`."""
+        points = self.points[: self.count]
+        slips = points[points[:, SLIPS] == 1.0]
+        change = slips[:, FRICTION:HELD] - slips[:, HELD : HELD + 3]
+        possible = float(points[:, FORCE] @ obstacles[points[:, OBSTACLE].astype(int), 17])
+        if np.abs(change).sum() <= SHORTER * FRICTION_CHANGE * possible:
+            return 0.0
+        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, PLACE]))
+        return float(np.linalg.norm(np.cross(along, change), axis=1).sum()) / possible
 
     def _reverse(
         self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float

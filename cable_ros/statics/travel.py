@@ -11,6 +11,19 @@ TURN = 0.3
 FRICTION_STEP, CONTACT_STEP = 0.02, 0.1
 """Longest step, lengths, of a cable among obstacles, with friction and without: friction depends on the path
 between two poses, which is taken to be straight."""
+FRICTION_CHANGE = 0.12
+"""Most that a step may change the friction across the cable, of what slips, relative to all friction that can
+be: within a step slip has one direction. With twice as much, wrenches differed by 1 % from those of finer
+steps. Along itself a cable slips as a whole, one way."""
+FRICTION_LEAST = 2e-4
+"""A step that leads no farther, lengths, may change it at once, as where all that sticks lets go."""
+SHORTER = 0.8
+"""A step that must be shorter is made so much shorter still: it need not fail twice."""
+
+
+def stride(change: float) -> float:
+    """Length of the next step over one that changed friction by `change`; below SHORTER it was too long."""
+    return min(max(SHORTER * FRICTION_CHANGE / max(change, 1e-9), 0.1), 2.0)
 
 
 @njit(**LEAF)

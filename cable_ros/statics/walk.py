@@ -12,6 +12,7 @@ from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.solve.trust_region import Options
 from cable_ros.statics import compiled
 from cable_ros.statics.rod import Rod
+from cable_ros.statics.saddle import NEUTRAL
 from cable_ros.statics.search import Conditions, Found, settle
 from cable_ros.statics.travel import travel
 
@@ -23,7 +24,9 @@ CARRY, LAST = 0.05, 1e-3
 """Part of the longest step below which a rod that fails is replaced: one that lies on something that rubs,
 and any other, which mostly gets there in small steps."""
 CARRY_WORK = 25_000
-"""Work, iterations times unknowns, after which it is: about 50 ms."""
+"""Work, iterations times unknowns, after which the first kind is: about 50 ms."""
+LAST_WORK = 0.5
+"""Part of the budget after which the second kind is."""
 LEAST = 1e-9
 """Part of the longest step below which a step is rounding."""
 OVERHEAD = 250
@@ -89,7 +92,8 @@ class Fall:
     def folded(self) -> bool:
         """Whether the branch ended: its stability margin ran to 0 there, and at a fold the energy fell."""
         falls = self.energy_after < self.energy_before
-        return self.crossed or (self.margin <= SMALL and self.to_fold <= FOLD and falls)
+        gone = self.to_fold <= FOLD or self.margin < 10.0 * NEUTRAL  # the latter: free to turn
+        return self.crossed or (self.margin <= SMALL and gone and falls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,15 +152,15 @@ def walk(
         rod.work = min(rod.work, left - rod.cost * count * rod.elastic.shape[0]) - OVERHEAD
         if code == compiled.ADVANCED:
             at, q, F = target, q_new, F_new
-            if count <= rod.few:
-                step = min(2.0 * step, longest)
+            step = min(step * min(rod.stride, 2.0 if count <= rod.few else 1.0), longest)
             continue
         if np.linalg.norm(conditions.re) >= 1.0 and step < BEYOND * longest:
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
-        hard = step * 0.5 < CARRY * longest or given - rod.work > CARRY_WORK
+        spent = given - rod.work
+        hard = step * 0.5 < CARRY * longest or spent > CARRY_WORK
         if not rod.lies:
-            hard = step * 0.5 < LAST * longest
+            hard = step * 0.5 < LAST * longest or spent > LAST_WORK * given
         if carrier is not None and (hard or not rod.refactor(q, F)):
             carried, carrier = carrier(rod, q, F), None
             if carried is not None:
@@ -184,7 +188,7 @@ def walk(
             if fell.jumped:
                 margins.clear()  # of another branch
             continue
-        step *= 0.5
+        step *= min(rod.stride, 0.5)
         if step < LEAST * longest:
             return ended(End.STUCK)
     return ended(End.ARRIVED)
