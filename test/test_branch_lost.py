@@ -118,19 +118,35 @@ def test_a_patch_is_not_known_again_because_it_slips() -> None:
     assert drawn(tracker, back[-1:])[0].status is Status.CONVERGED
 
 
-@pytest.mark.parametrize(("later", "status"), [(1.1, Status.CONVERGED), (0.0, Status.BRANCH_LOST)])
-def test_with_friction_a_way_must_not_be_cut_short(
-    later: float, status: Status, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("later", [1.1, 0.0])
+def test_with_friction_a_pose_that_was_not_reached_is_gone_through(
+    later: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Asked for another pose meanwhile, on the straight path or back, the cable takes the path as it was."""
+    whole, cut = on_drum(draped(0.0)[1], MU), on_drum(draped(0.0)[1], MU)
+    turns = np.array([0.0, 0.02, 1.0, later])
+    expected = drawn(whole, turns)[-1]
+    drawn(cut, turns[:2])
+    monkeypatch.setattr(follower, "WORK", 20_000)
+    assert cut.solve({"turn": 1.0})["cable"].status is Status.UNFINISHED
+    monkeypatch.undo()
+    found = cut.arrive({"turn": later})["cable"]
+    assert found.status is expected.status
+    assert found.end_wrench == pytest.approx(expected.end_wrench, rel=0.01)
+
+
+def test_poses_that_wait_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     tracker = on_drum(draped(0.0)[1], MU)
     drawn(tracker, np.array([0.0, 0.02]))
-    monkeypatch.setattr(follower, "WORK", 20_000)
-    assert tracker.solve({"turn": 1.0})["cable"].status is Status.UNFINISHED
+    monkeypatch.setattr(follower, "WORK", 10_000)
+    monkeypatch.setattr(follower, "MOST_WAITING", 4)
+    found = [tracker.solve({"turn": turn})["cable"].status for turn in (1.0, 0.1, 0.9, 0.2, 0.8, 0.3, 0.7)]
+    assert Status.UNFINISHED in found
+    assert Status.BRANCH_LOST not in found[:4]
     monkeypatch.undo()
-    # further on it comes by the pose that was asked for; on the way back it does not
-    found = tracker.arrive({"turn": later})["cable"]
-    assert found.status is status
-    assert ("friction depends on the way" in found.message) is (status is Status.BRANCH_LOST)
+    lost = tracker.arrive({"turn": 0.3})["cable"]
+    assert lost.status is Status.BRANCH_LOST
+    assert "friction depends on the way" in lost.message
 
 
 def test_what_sticks_in_between_counts_from_the_beginning() -> None:

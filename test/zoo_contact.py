@@ -151,8 +151,10 @@ def by_chance() -> list[Case]:
         for name, seed, i, poses in hard
     ]
     lost = replace(contact_case(29, 138, 1e-4), name="a ball too large to get past", baselines=False)
+    # At the next pose the verification, which takes friction cell by cell as it is told, is 4 % off itself:
+    # answers on 96 and on 320 cells agree within 2e-3 there.
     free = replace(
-        contact_case(1, 1952, 1e-4), name="friction along a cable all but free to roll", baselines=False
+        contact_case(1, 1952, 1e-4, 3), name="friction along a cable all but free to roll", baselines=False
     )
     either = (*free.statuses, Status.NOT_CONVERGED)
     # where the branch or the budget ends without a fold, that must be said

@@ -273,6 +273,7 @@ class NodalRod(Rod):
         possible = float((state.lam * self._under[:, FRICTION]).sum())
         if possible == 0.0:
             return 0.0
+        possible = max(possible, float(np.linalg.norm(state.F[-1])))
         change = state.tau - before.tau
         along = quaternion.tangents(state.q[::ORDER])[:, None]
         across = np.cross(

@@ -190,7 +190,7 @@ class TouchingRod(BorderedRod):
             code, iterations, moved, turned = compiled.NOT_CONTRACTING, 0, False, np.inf
         self.spend(iterations)
         if code == compiled.ADVANCED and self.model == COULOMB:
-            self.stride = stride(self._friction_change(q_new, obstacles))
+            self.stride = stride(self._friction_change(q_new, F_new, obstacles))
             way = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
             code = compiled.TOO_FAR if self.stride < SHORTER and way > FRICTION_LEAST else code
         self.ready, same = code == compiled.ADVANCED, self.count == kept[1]
@@ -228,12 +228,13 @@ class TouchingRod(BorderedRod):
         self.settled = q_new
         return code, iterations, q_new, F_new
 
-    def _friction_change(self, q: np.ndarray, obstacles: np.ndarray) -> float:
+    def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray) -> float:
         """How much the friction of what slips has changed in a step to q across the cable, see `travel`."""
         points = self.points[: self.count]
         slips = points[points[:, SLIPS] == 1.0]
         change = slips[:, FRICTION:HELD] - slips[:, HELD : HELD + 3]
         possible = float(points[:, FORCE] @ obstacles[points[:, OBSTACLE].astype(int), 17])
+        possible = max(possible, float(np.linalg.norm(F)))
         if np.abs(change).sum() <= SHORTER * FRICTION_CHANGE * possible:
             return 0.0
         along = quaternion.tangents(self.mesh.interpolate(q, slips[:, PLACE]))
