@@ -77,7 +77,7 @@ SINKS = "The cable could not be kept out of what it touches between the places t
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 MOST_WAITING = 64
 """Number of poses that may wait to be gone through, as friction depends on the path."""
-ENOUGH = 0.5
+ENOUGH = 0.1
 """Part of the budget that must be left to go on from one of them to the next."""
 CUT = (
     f"more than {MOST_WAITING} poses were asked for before they were reached, and friction depends on the way"
@@ -131,6 +131,11 @@ class Follower:
             return STEP
         return CONTACT_STEP if self._model == FRICTIONLESS else FRICTION_STEP
 
+    @property
+    def _whole(self) -> float:
+        """Budget of one solve, iterations times unknowns."""
+        return FREE_WORK if self._obstacles is None else WORK
+
     def reset(self) -> None:
         """Forget the equilibrium."""
         self._rod: Rod | None = None
@@ -138,7 +143,7 @@ class Follower:
         self._joints = np.empty(0)
         self._twist: float | None = None
         self._standing = Standing()
-        self._budget, self._passing = float(WORK), False
+        self._budget, self._passing = self._whole, False
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
         self._apart = np.inf
@@ -201,7 +206,7 @@ class Follower:
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
     ) -> Equilibrium:
         """The equilibrium at `joints`, the clamps at `poses`; `kinematics` tells of the way there."""
-        self._budget = FREE_WORK if self._obstacles is None else WORK
+        self._budget = self._whole
         waiting = self._standing.waiting if self._model == COULOMB and self._rod is not None else ()
         self._standing = replace(self._standing, waiting=())
         if len(waiting) > MOST_WAITING:
@@ -225,7 +230,7 @@ class Follower:
             self._budget = self._rod.work
         if found.status is Status.UNFINISHED:
             return found
-        if self._budget > ENOUGH * WORK:
+        if self._budget > ENOUGH * self._whole:
             return None
         return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin)
 
@@ -377,6 +382,7 @@ class Follower:
         self._q, self._F, self._joints = result.q, result.F, reached
         self._fell(result.falls)
         got_on = result.at >= PROGRESS * longest or any(fall.folded for fall in result.falls)
+        got_on |= self._budget < self._whole  # a whole one may do better
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and got_on):
             rod.refactor(result.q, result.F)
             if self._standing.loss is not None and not any(fall.jumped for fall in result.falls):
@@ -508,7 +514,8 @@ class Follower:
         elif rod.drift == 0.0 or not self._estimate <= self.tolerance or rod.rubs_anew():
             self._estimate = rod.relative_error(self._q, self._F)
             sinks = rod.unresolved(self._q, LENIENT).any()
-            if self._estimate > ACCEPT * self.tolerance or sinks:
+            beside = rod.clamp_errors(self._q, self._F).max()
+            if max(self._estimate, beside) > ACCEPT * self.tolerance or sinks:
                 found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
                 fine, self._estimate = refine(found, self.tolerance)
                 iterations += fine.iterations
@@ -518,7 +525,8 @@ class Follower:
                 sinks = rod.unresolved(self._q, LENIENT).any()
                 if (rod.forgot or sinks or self._estimate > self.tolerance) and self._carried(*before):
                     return self._finish(status, message, iterations, poses, begin)
-            self._estimate = max(self._estimate, rod.friction_error(self._q, self._F))
+            beside = rod.clamp_errors(self._q, self._F).max()
+            self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
             if self._estimate > self.tolerance and self._carried(rod, self._q, self._F):
                 return self._finish(status, message, iterations, poses, begin)
             if self._estimate > self.tolerance:

@@ -164,7 +164,7 @@ def judge(
     found = verify(rod, equilibrium, told)
     # contacts told cell by cell are pushes as told; found anew, neighbours trade what they can't tell apart
     on_grid = equilibrium.error_estimate > tolerance
-    fault = None if on_grid else pull_fault(found, told)
+    fault = None if on_grid else pull_fault(rod, found, told)
     if fault is not None:
         return found, fault
     if not found.converged:

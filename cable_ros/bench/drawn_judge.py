@@ -57,6 +57,10 @@ DRAWN = 0.5
 DRIVEN = 0.2
 """Friction of what slides may be driven by this part of what it could take up: its direction is that at the
 step's end, not its mean."""
+TURNED = 0.05
+"""What slides may be driven over so much of what the clamps and the obstacle moved: slip turns in a step."""
+SHORT = 0.02
+"""Longest step, parts of the length, of which this is asked: in a longer one it may slide there and back."""
 NOTHING = 1e-6
 """Friction that is smaller, parts of the largest, is rounding."""
 
@@ -123,8 +127,10 @@ def run_drawn(case: Case, finer: int = FINER) -> Drawn:
                 _judged(case, scene, kinematics, i, joints, answers[i], seconds[i], before, i in watched)
             )
         if finer > 1 and len(case.path) > 1:
-            told, _ = _solve(case, scene, refined(case.path, finer))
+            path = refined(case.path, finer)
+            told, _ = _solve(case, scene, path)
             poses = _compared(poses, told, finer)
+            poses = _traced(poses, told, path, scene, kinematics)
             first = next((i for i, one in enumerate(told) if lost(one)), None)
             if first is not None:
                 return Drawn(case, poses, None, f"pose {first} of {len(told)}: {told[first].message}")
@@ -176,10 +182,7 @@ def _judged(
             way = shortest(rod.start[:3], rod.end[:3], rod.length, distances)
             fault = reach_fault(found, way, rod.length)
     step = Step(found, rod, verification, seconds, fault, scene, way)
-    inconsistent = None
-    # a fall is no step: what stuck may be torn off
-    if before is not None and all(one.status is Status.CONVERGED for one in (before[0], found)):
-        inconsistent = friction_fault(scene, kinematics, before, (found, joints))
+    inconsistent = None if before is None else friction_fault(scene, kinematics, before, (found, joints))
     return Judged(index, step, look or not found.status.trusted, inconsistent)
 
 
@@ -192,8 +195,11 @@ def friction_fault(
     """Which contact's friction cannot have come of a step from one trusted equilibrium to the next.
 
     The motion of the touching point over its obstacle is that of the centreline's point at its arc length.
-    Only contacts that were there before the step are looked at.
+    Only contacts that were there before the step are looked at, and only steps no longer than SHORT. A fall
+    is no step: what stuck may be torn off.
     """
+    if any(found.status is not Status.CONVERGED for found, _ in (before, after)):
+        return None
     rough = {obstacle.name: i for i, obstacle in enumerate(scene.obstacles) if obstacle.friction}
     if not rough:
         return None
@@ -215,13 +221,33 @@ def friction_fault(
         drag = float(np.linalg.norm(carried - curves[0](contact.arc_length)))
         size, force = float(np.linalg.norm(slip)), float(np.linalg.norm(contact.friction))
         where = f"contact with {contact.obstacle} at {contact.arc_length / cable.length:.4f} L"
+        if moved + drag > SHORT * cable.length:
+            continue
         allowed = STILL * cable.length + DRAWN * (moved + drag)
         if not contact.sliding and size > allowed:
             return f"{where} is said to stick and moved {size / cable.length:.1e} L"
         driven = float(contact.friction @ slip) > (DRIVEN * force + NOTHING * largest) * size
-        if contact.sliding and driven and size > STILL * cable.length:
+        if contact.sliding and driven and size > STILL * cable.length + TURNED * (moved + drag):
             return f"{where} slides {size / cable.length:.1e} L the way its friction pushes"
     return None
+
+
+def _traced(
+    poses: Sequence[Judged], finer: Sequence[Equilibrium], path: Sequence[Pose], scene: Scene,
+    kinematics: Kinematics,
+) -> list[Judged]:  # fmt: skip
+    """The poses with what is wrong with friction on the finer path to each of them."""
+    parts = (len(finer) - 1) // (len(poses) - 1)
+    steps = [
+        friction_fault(scene, kinematics, before, after)
+        for before, after in pairwise(zip(finer, path, strict=True))
+    ]
+    out = list(poses)
+    for i, pose in enumerate(poses[1:], start=1):
+        faults = [fault for fault in steps[parts * (i - 1) : parts * i] if fault]
+        if faults and pose.inconsistent is None:
+            out[i] = replace(pose, inconsistent=f"told more finely, {faults[0]}")
+    return out
 
 
 def _known(contact: Contact, before: Sequence[Contact], length: float) -> bool:

@@ -29,6 +29,8 @@ BESIDE = 0.6
 """Points of a Gauss rule side by side are nearer to each other than this part of their lengths together."""
 CLAMP = 0.015
 """What presses nearer to a clamp than this does not hold the rod there."""
+NOTHING = 1e-6
+"""A force that is smaller, EI / L^2, counts as none."""
 ROUNDING = 1e-6
 """Of directions, and of forces relative to the largest."""
 
@@ -153,7 +155,7 @@ def contact_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> s
     return None
 
 
-def pull_fault(found: Verification, touches: list[Touch]) -> str | None:
+def pull_fault(rod: Rod, found: Verification, touches: list[Touch]) -> str | None:
     """Whether a surface would have to pull to keep the true rod on it.
 
     Side by side on a stretch, forces that take turns are all but the same to the rod: their sum is judged.
@@ -162,6 +164,7 @@ def pull_fault(found: Verification, touches: list[Touch]) -> str | None:
     if len(places) == 0 or len(found.normal_forces) != len(places):
         return None
     together = (np.abs(places[:, None] - places[None, :]) < STRETCH) @ found.normal_forces
-    if together.min() < -1e-3 * float(np.abs(together).max()):
+    nothing = NOTHING * float(np.min(rod.stiffness[:2])) / rod.length**2
+    if together.min() < -1e-3 * max(float(np.abs(together).max()), nothing):
         return f"balance needs a surface to pull with {-together.min():.2e} N"
     return None

@@ -285,6 +285,10 @@ class Rod:
         change = self.wrench_error(q, F)
         return float(compiled.relative_error(change, F, self.g[-1], self.shares, self.least))
 
+    def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """(2,) what lying at the clamps adds to `relative_error`; see `BorderedRod`."""
+        return np.zeros(2)
+
     def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """What friction adds to `relative_error`; see `BorderedRod`."""
         return 0.0

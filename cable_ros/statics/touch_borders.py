@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cable_ros.mechanics.effects.contact_kernels import curve
+from cable_ros.mechanics import quaternion
+from cable_ros.mechanics.effects.contact_kernels import curve, gap
 from cable_ros.mechanics.elements import Mesh, primitives
 from cable_ros.statics import compiled
 from cable_ros.statics.contact_response import Contacts, wrench_response
 from cable_ros.statics.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
-from cable_ros.statics.rod import Rod
+from cable_ros.statics.rod import NOTHING, Rod
 from cable_ros.statics.touch_meshes import suited
 from cable_ros.statics.touch_points import (
     CAPACITY,
@@ -30,6 +31,7 @@ from cable_ros.statics.touch_points import (
 )
 from cable_ros.statics.touch_resolution import highest_mode, misplaced
 from cable_ros.statics.touch_search import dips, scan
+from cable_ros.statics.touch_stretches import inside
 from cable_ros.statics.touch_system import nodal, point_forces, system
 from cable_ros.statics.units import relative_change
 
@@ -40,6 +42,11 @@ RUBS = 0.4
 """Elements along a stretch that rubs are so much shorter than along others."""
 CHANGED = 0.1
 """Friction that has become so much more or less, parts of itself, is another."""
+LEVEL = 1e-6
+"""Slope of a clamp's tangent, rad, below which it is along a plane."""
+START = 0.2
+"""What an error of the start's wrench counts beside one of the end's."""
+AHEAD = np.array([0.0, 0.0, 1.0])
 RELEASED = 1e30
 """A border so soft, L^3 / EI, holds nothing."""
 
@@ -255,6 +262,30 @@ class BorderedRod(Rod):
             self.elastic, self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L,
             self.pivots, self.borders, complement, self.g, residual, self.shares,
         ))  # fmt: skip
+
+    def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """(2,) relative errors of the forces with which the clamps press on a plane that the cable lies on.
+
+        On a plane, M' + t x F = 0 across the plane's normal n and the tangent t asks for B F n = (M t) (M n),
+        with one bending stiffness B. Moments are accurate, but how a clamp and the sample beside it share
+        the pressure near the clamp depends on the element there. An error of the start's wrench counts for a
+        fifth: the tolerance is the end's. Zero where this says nothing.
+        """
+        out, points = np.zeros(2), self.points[: self.count]
+        if not (points[:, KIND] == SAMPLE).any() or self.K[0] != self.K[1] or self.natural[:2].any():
+            return out
+        assert self.obstacles is not None
+        n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+        size = relative_change(np.array([1.0, 0, 0, 0, 0, 0]), np.concatenate((F, self.g[-1])), self.least)
+        ends = (0.0, NOTHING, F + self.f + self.held(), -self.g[0]), (1.0, self.re, F, self.g[-1])
+        for k, (s, r, force, moment) in enumerate(ends):
+            t, M = quaternion.rotate(q[-k], AHEAD), quaternion.rotate(q[-k], moment)
+            for o in np.unique(points[:, OBSTACLE]).astype(int):
+                gap(self.obstacles[o], r, n, directions, bends)
+                if inside(points, self.count, o, s) and not bends.any() and abs(t @ n) < LEVEL:
+                    error = abs(self.K[0] * (force @ n) - (M @ t) * (M @ n)) / self.K[0]
+                    out[k] = max(out[k], (1.0 if s else START) * error * size)
+        return out
 
     def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """As `relative_error`, for what friction along stretches is between its samples.
