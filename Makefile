@@ -11,9 +11,15 @@ EXTRAS := ros,robot,plot,parquet,dev
 LOGS := $(CURDIR)/build/ros_log
 
 # Contact and friction once more with other kernels of BLAS and for no particular processor: no last bit counts.
-OTHER_KERNELS := OPENBLAS_CORETYPE=Sandybridge NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=
+OTHER_KERNELS := OPENBLAS_CORETYPE=Sandybridge NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
+	NUMBA_CACHE_DIR=$(CURDIR)/build/other_kernels
 CONTACT_TESTS := test/test_contact.py test/test_friction.py test/test_lying.py test/test_hose_paths.py \
 	test/test_zoo.py -k "not test_zoo or ball or ground or hose or box or drum or edge or sides"
+
+# Tests in this many processes side by side; pytest -n 0, or no -n, is one. test/conftest.py groups them.
+WORKERS := 2
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup
+COMPILE := $(BIN)/python test/compile_first.py
 
 # One thread per process: the solver is single-threaded, and tests start several processes.
 export OMP_NUM_THREADS := 1
@@ -58,8 +64,10 @@ node_modules:
 
 test: lint node_modules
 	@mkdir -p "$$ROS_LOG_DIR"
-	$(BIN)/python -m pytest
-	$(OTHER_KERNELS) $(BIN)/python -m pytest -p no:cacheprovider $(CONTACT_TESTS)
+	@echo "Compiling for two kinds of kernels: some minutes if the compiled files have changed"
+	$(OTHER_KERNELS) $(COMPILE) & other=$$!; $(COMPILE); compiled=$$?; wait $$other && exit $$compiled
+	$(PYTEST)
+	$(OTHER_KERNELS) $(PYTEST) -p no:cacheprovider $(CONTACT_TESTS)
 
 demo: setup
 	@mkdir -p "$$ROS_LOG_DIR"
