@@ -1,5 +1,6 @@
 # make setup   .venv with the package, its Jazzy wheels and the tools      make test   lint, types, all tests
 # make demo    the arm live, an MCAP log and plots in demo/                make lint   only lint and types
+# make test-fast   under a minute, without ROS: at every save
 # make node_modules   npm's reader of logs, which a test wants; it skips without
 # Another Python: make PYTHON=/path/to/python3.12 setup
 
@@ -11,9 +12,19 @@ EXTRAS := ros,robot,plot,parquet,dev
 LOGS := $(CURDIR)/build/ros_log
 
 # Contact and friction once more with other kernels of BLAS and for no particular processor: no last bit counts.
-OTHER_KERNELS := OPENBLAS_CORETYPE=Sandybridge NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=
+OTHER_KERNELS := OPENBLAS_CORETYPE=Sandybridge NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
+	NUMBA_CACHE_DIR=$(CURDIR)/build/other_kernels
 CONTACT_TESTS := test/test_contact.py test/test_friction.py test/test_lying.py test/test_hose_paths.py \
 	test/test_zoo.py -k "not test_zoo or ball or ground or hose or box or drum or edge or sides"
+
+# What shows most mistakes soonest; nothing of it starts a node or compiles anew what has not changed.
+FAST_TESTS := test/linalg test/solve test/scene test/mechanics test/statics test/contact/test_nodal_tangent.py \
+	test/test_closed_forms.py test/test_contact.py test/test_tracker.py test/test_docs.py
+
+# Tests in this many processes side by side; pytest -n 0, or no -n, is one. test/conftest.py groups them.
+WORKERS := 2
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup
+COMPILE := $(BIN)/python test/compile_first.py
 
 # One thread per process: the solver is single-threaded, and tests start several processes.
 export OMP_NUM_THREADS := 1
@@ -26,7 +37,7 @@ find_python = for python in $(PYTHON) python3 python3.12 python3.11 python3.13 p
 	"$$python" -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
 	2>/dev/null && { command -v "$$python"; break; }; done; true
 
-.PHONY: setup test lint demo clean
+.PHONY: setup test test-fast lint demo clean
 
 setup: $(STAMP)
 
@@ -58,8 +69,13 @@ node_modules:
 
 test: lint node_modules
 	@mkdir -p "$$ROS_LOG_DIR"
-	$(BIN)/python -m pytest
-	$(OTHER_KERNELS) $(BIN)/python -m pytest -p no:cacheprovider $(CONTACT_TESTS)
+	@echo "Compiling for two kinds of kernels: some minutes if the compiled files have changed"
+	$(OTHER_KERNELS) $(COMPILE) & other=$$!; $(COMPILE); compiled=$$?; wait $$other && exit $$compiled
+	$(PYTEST)
+	$(OTHER_KERNELS) $(PYTEST) -p no:cacheprovider $(CONTACT_TESTS)
+
+test-fast: setup
+	$(PYTEST) -q $(FAST_TESTS)
 
 demo: setup
 	@mkdir -p "$$ROS_LOG_DIR"

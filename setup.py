@@ -42,6 +42,7 @@ setup(
         "dev": [
             "pytest>=7.4",
             "pytest-timeout",
+            "pytest-xdist>=3.6",
             "hypothesis",
             "rosbags",
             "colcon-common-extensions",

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cable_ros.choice import Choice
 from cable_ros.effects import properties, wanted
 from cable_ros.equilibrium import Equilibrium
+from cable_ros.follower import Follower
 from cable_ros.scene import Cable, Kinematics, Scene
-
-if TYPE_CHECKING:
-    from cable_ros.follower import Follower
 
 PART = 0.1
 """What is left out may change the end wrench by this part of the tolerance, all together."""
@@ -24,22 +21,6 @@ so much, rad; sooner where the last measure left less than a factor ROOM to the 
 ROOM = 1e3
 UNREMOVED = ("contact", "friction")
 """Never left out: they cost next to nothing while nothing touches, and nothing tells when something will."""
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """What is left out of one cable's equations, and what is known about that."""
-
-    left_out: tuple[str, ...]
-    change: float
-    """Relative change of the end wrench that it makes, all together, when last measured."""
-    tolerance: float
-    size: float
-    """Of the end wrench then, in units of the cable."""
-    shape: np.ndarray
-    """(n, 4) nodal frames then."""
-    note: str = field(default="")
-    """What the message of an equilibrium says about it."""
 
 
 def prepare(follower: Follower, scene: Scene, cable: Cable, kinematics: Kinematics, index: int) -> None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from cable_ros import results
-from cable_ros.auto_effects import Choice
+from cable_ros.choice import Choice
 from cable_ros.contact import handover
 from cable_ros.contact.nodal_rod import STEP, NodalRod
 from cable_ros.equilibrium import Equilibrium, Overlap

@@ -14,7 +14,6 @@ class Status(enum.Enum):
     UNFINISHED = (
         "The way to this pose is long: the solve used up its budget and goes on from here at the next call."
     )
-    UNSTABLE = "Converged to an equilibrium that is not stable; a real cable would not stay there."
     OUT_OF_REACH = "The clamps are farther apart than the cable is long."
     NOT_CONVERGED = "The solver did not converge; the numbers are not to be trusted."
     INVALID_INPUT = "The input is not a usable number or a needed joint is missing."
