@@ -61,6 +61,8 @@ TURNED = 0.05
 """What slides may be driven over so much of what the clamps and the obstacle moved: slip turns in a step."""
 SHORT = 0.02
 """Longest step, parts of the length, of which this is asked: in a longer one it may slide there and back."""
+FREE = 1e-3
+"""A cable whose stability margin is less is all but free to turn, and rounding takes it to one side."""
 NOTHING = 1e-6
 """Friction that is smaller, parts of the largest, is rounding."""
 
@@ -278,7 +280,8 @@ def _compared(poses: Sequence[Judged], finer: Sequence[Equilibrium], parts: int)
     for i, pose in enumerate(poses):
         fault, other = None, finer[parts * i]
         apart |= any(lost(one) for one in finer[max(0, parts * (i - 1) + 1) : parts * i + 1])
-        if pose.trusted and other.status.trusted and not apart:
+        free = min(pose.step.equilibrium.stability_margin, other.stability_margin) < FREE
+        if pose.trusted and other.status.trusted and not apart and not free:
             wrench = pose.step.equilibrium.end_wrench
             off = relative_difference(wrench, other.end_wrench, pose.step.rod)
             size = float(np.linalg.norm(other.end_wrench * unit))

@@ -84,7 +84,8 @@ def test_friction_that_cannot_have_come_of_the_step_is_found() -> None:
     before = case.path[0]
     found = answered(tracker, before)[0]["cable"]
     assert found.contacts
-    far = {**before, "across": before["across"] + 0.1}
+    length = scene.cables[0].length
+    far = {**before, "across": before["across"] + 0.01 * length}
 
     def fault(**said: Any) -> str:
         """Of an answer that is told again after the ground has gone away under it."""

@@ -108,7 +108,7 @@ def test_a_surface_that_would_have_to_pull_is_told() -> None:
     down = [replace(touch, surface=below)]
     found = refine(rod, points, orientations, reference.start_wrench, reference.end_wrench, down)
     assert found.converged
-    fault = pull_fault(found, down)
+    fault = pull_fault(rod, found, down)
     assert fault is not None
     assert "pull" in fault
 
