@@ -29,7 +29,7 @@ TRIALS = ((0, 1), (16, 0), (8, 1), (16, 1))
 WORK = 40_000.0
 """Budget, iterations times unknowns, of a rod that takes over, if there is less left."""
 EXACT_WORK = 60_000.0
-"""Budget of each search for an exact equilibrium beside one on a grid."""
+"""Budget of a search for an exact equilibrium beside one on a grid."""
 TRIES = 3
 """Number of start shapes that a search lets come to rest."""
 GRID = np.linspace(0.0, 1.0, 33)
@@ -56,19 +56,26 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
     assert rod.obstacles is not None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     first = first_mesh(conditions, float(rod.totals[4]), tolerance)
-    for count, stage in TRIALS:
+    left = min(rod.work, EXACT_WORK)
+    for _ in TRIALS:
+        if left <= 0.0:
+            return None
+        count, stage = TRIALS[rod.tried % len(TRIALS)]
         mesh = Mesh(first.element, np.full(count, 1.0 / count)) if count else first
         new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
         new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-        new.work = min(rod.work, EXACT_WORK)
+        new.work = left
         q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
         q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
         result = descend(new, q, rod.state.F[-1], SETTLE, stage)
+        left = new.work
+        rod.tried += 1  # if this is not it, and no budget is left, the next pose goes on with the next
         if result is None:
             continue
         found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
         found, estimate = refine(found, tolerance)
         if estimate <= tolerance and _same(rod, found):
+            rod.tried -= 1
             return found
     return None
 

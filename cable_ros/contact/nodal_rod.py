@@ -157,6 +157,7 @@ class NodalRod(Rod):
         self._trial = State.zeros(elements, count)
         self.obstacles, self._under = obstacles, obstacles  # asked for, and at the last equilibrium
         self.twin: NodalRod | None = None
+        self.tried = 0  # trials that found no exact equilibrium beside it, see `handover.exact`
         self.follows = False  # whether it is a twin, which takes the other's steps
         self._estimate, self._floor = np.inf, 0.0
         self._size = 0, 0
@@ -295,13 +296,14 @@ class NodalRod(Rod):
         return iterations
 
     def _compare(self, twin: NodalRod) -> None:
-        """Estimate the error of the end wrench from the difference to the twin's, by its order, 2.
+        """Estimate the error of the end wrench from the difference to the twin's.
 
-        An obstacle that presses at a single place can be off by half a cell on both grids alike.
+        It is taken to be of first order: patches begin and end between places. An obstacle that presses at a
+        single place can be off by half a cell on both grids alike.
         """
         mine = np.concatenate((self.state.F[-1], self.g[-1]))
         other = np.concatenate((twin.state.F[-1], twin.g[-1]))
-        change = (mine - other) / (TWIN**-2 - 1.0)
+        change = (mine - other) / (1.0 / TWIN - 1.0)
         alone = (self.state.lam > 0.0).sum(axis=0) <= 2
         lone = float(self.state.lam[:, alone].max(initial=0.0))
         lever = np.array([0.0, 0.0, 0.0, 0.25 * lone / self.cells, 0.0, 0.0])
