@@ -6,6 +6,10 @@ from setuptools import find_packages, setup
 
 PACKAGE = "cable_ros"
 
+# 1.6 names the bounds of a time span `starting_at` and `ending_before`; before, they were `start_time` and
+# `end_time`, which 1.6 warns of. log/reader.py uses the new names.
+MCAP = "mcap>=1.6"
+
 # The Jazzy wheels, for machines without ROS. Pinned: unpinned, some of them would be another distribution's.
 ROS_JAZZY = [
     "ros-jazzy-rclpy==7.1.6",
@@ -33,7 +37,7 @@ setup(
         (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.py"))),
     ],
-    install_requires=["numpy>=1.26", "scipy", "numba", "pyyaml", "mcap>=1.5", "mcap-ros2-support", "tqdm"],
+    install_requires=["numpy>=1.26", "scipy", "numba", "pyyaml", MCAP, "mcap-ros2-support", "tqdm"],
     extras_require={
         "ros": ROS_JAZZY,
         "robot": ["pin"],
