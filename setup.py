@@ -6,9 +6,9 @@ from setuptools import find_packages, setup
 
 PACKAGE = "cable_ros"
 
-# 1.6 names the bounds of a time span `starting_at` and `ending_before`; before, they were `start_time` and
-# `end_time`, which 1.6 warns of. log/reader.py uses the new names.
-MCAP = "mcap>=1.6"
+# Tested with 1.5.0 and 1.6.0. Until log/order.py read the chunks itself, log/reader.py needed 1.6, whose
+# `iter_messages` has `starting_at` and `ending_before` where that of 1.5 has `start_time` and `end_time`.
+MCAP = "mcap>=1.5"
 
 # The Jazzy wheels, for machines without ROS. Pinned: unpinned, some of them would be another distribution's.
 ROS_JAZZY = [

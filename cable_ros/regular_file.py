@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import stat
 from pathlib import Path
-from typing import IO
 
 
 class NotRegularFileError(OSError):
     """A device, a pipe or a socket: reading it may never end, or never begin."""
 
 
-def open_regular(path: Path) -> IO[bytes]:
-    """The file, open for reading in bytes.
+def open_regular(path: Path) -> io.FileIO:
+    """The file, open for reading, not buffered.
 
     Raises:
         NotRegularFileError: it is no regular file.
@@ -27,7 +27,7 @@ def open_regular(path: Path) -> IO[bytes]:
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         _check(os.fstat(descriptor).st_mode, path)
-        return os.fdopen(descriptor, "rb")
+        return io.FileIO(descriptor, "r")
     except BaseException:
         os.close(descriptor)
         raise

@@ -20,6 +20,8 @@ from cable_ros.solve.status import Status
 
 ABSURD = 1e4
 """Joint values beyond this many rad or m are taken for a fault of the sender, not for a pose."""
+MOST_POINTS = 100_001
+"""Points of a polyline."""
 
 
 class Tracker:
@@ -28,7 +30,7 @@ class Tracker:
     Args:
         scene: from `load_scene`; a path or mapping is loaded.
         tolerance: accepted relative error of the end wrench, 1e-12 to 0.1; the resolution follows from it.
-        polyline_points: points of `Equilibrium.points`, 2 or more.
+        polyline_points: points of `Equilibrium.points`, 2 to 100,001.
 
     Raises:
         SceneError: the scene is not usable.
@@ -58,8 +60,8 @@ class Tracker:
             raise ValueError(
                 f"tolerance is {tolerance!r}; give the accepted relative error, from 1e-12 to 0.1"
             )
-        if polyline_points < 2:
-            raise ValueError(f"polyline_points is {polyline_points!r}; give 2 or more")
+        if not 2 <= polyline_points <= MOST_POINTS:
+            raise ValueError(f"polyline_points is {polyline_points!r}; give 2 to {MOST_POINTS}")
 
     @property
     def tolerance(self) -> float:

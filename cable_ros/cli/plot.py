@@ -76,12 +76,11 @@ def scene_of(log: Path) -> Scene | None:
     """The logged scene; None where the log has none."""
     from cable_ros.log.errors import LogError
     from cable_ros.log.reader import LogReader
-    from cable_ros.scene import load_scene
-    from cable_ros.scene.text import parse_yaml
+    from cable_ros.log.resolve import logged_scene
 
     try:
         with LogReader(log) as reader:
-            return load_scene(parse_yaml(reader.scene_text, str(log)), urdf=reader.urdf_text)
+            return logged_scene(reader)
     except LogError:
         return None
 

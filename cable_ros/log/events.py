@@ -62,6 +62,6 @@ def decode_event(text: str) -> dict[str, Any]:
     """The object of one event; an empty one where `text` is not ours."""
     try:
         value = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):  # not JSON, or brackets within brackets without end
         return {}
     return value if isinstance(value, dict) else {}

@@ -5,6 +5,7 @@ The values follow YAML 1.2: `6.70e6` and `1e-3` are numbers, `on` and `no` are w
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -85,7 +86,7 @@ def _integer(text: str) -> int | float:
 def read_text(path: Path, source: str, what: str, most: int = MOST_SCENE_CHARACTERS) -> str:
     """The file's text, of at most `most` bytes; a SceneError names `source` and says `what` was expected."""
     try:
-        with open_regular(path) as file:
+        with io.BufferedReader(open_regular(path)) as file:
             data = file.read(most + 1)
         if len(data) > most:
             raise SceneError(source, "", f"has more than {most} bytes; give the path of {what}")
