@@ -183,6 +183,9 @@ def _apply(event: Event, tracker: Tracker, outcome: Outcome, own_environment: bo
         for name in _SETTINGS:
             if name in event.values:
                 setattr(tracker, name, _checked(name, event.values[name], "an event"))
+        # What was refused then must be refused again: it did not move the cable.
+        if "joint_limits" in event.values:
+            tracker.joint_limits = str(event.values["joint_limits"])
 
 
 def _ratio(difference: float, scale: float) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cable_ros.ros.cdr import Reader
+from cable_ros.ros.joint_motion import JointMotion
 
 _NANO = 1_000_000_000
 _STAMP_START = 4
@@ -80,10 +81,12 @@ class JointStates:
     Args:
         needed: names of the joints that the scene needs.
         topic: name of the topic, for the sentences.
+        motion: tells jumps of the needed joints; None: nobody does.
     """
 
     needed: tuple[str, ...]
     topic: str
+    motion: JointMotion | None = None
     counters: Counters = field(default_factory=Counters)
 
     def __post_init__(self) -> None:
@@ -159,6 +162,9 @@ class JointStates:
         layout.last_stamp = self.stamp
         for source, target in layout.places:
             self.positions[target] = positions[source]
+        if self.motion is not None and self.stamp > 0:
+            moved = ((target, positions[source]) for source, target in layout.places)
+            self.fault = self.motion.take(moved, self.stamp) or self.fault
         return True
 
     def _layout(self, data: bytes) -> _Layout:

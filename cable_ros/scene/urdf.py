@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from cable_ros.scene.caps import FARTHEST_ORIGIN, MOST_MOVING
 from cable_ros.scene.errors import SceneError
@@ -53,6 +53,22 @@ def chains(urdf: str, source: str, links: Iterable[str]) -> str:
     for joint in joints:
         out.append(_bare_joint(joint, source))
     return ET.tostring(out, encoding="unicode")
+
+
+def joint_elements(urdf: str, source: str) -> dict[str, ET.Element]:
+    """The URDF's joints by name. Raises SceneError where it is no URDF."""
+    return {joint.get("name", ""): joint for joint in parse(urdf, source).findall("joint")}
+
+
+def number_of(given: Mapping[str, str], key: str, default: float, source: str, place: str) -> float:
+    """A number among the attributes of an element; it may be infinite. Raises SceneError for another text."""
+    try:
+        number = float(given.get(key, default))
+    except ValueError:
+        number = math.nan
+    if math.isnan(number):
+        raise SceneError(source, place, f"its {key} limit '{given[key]}' is not a number")
+    return number
 
 
 def _bare_joint(joint: ET.Element, source: str) -> ET.Element:
