@@ -77,7 +77,9 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
         text = read_text(path, source, "a scene in YAML")
         values = parse_yaml(text, source)
     top = Section(values, source, "", _FIELDS)
-    gravity = top.vector("gravity", 3, "[x, y, z] in m/s^2, such as [0, 0, -9.80665]", GRAVITY)
+    # A mapping is made by a program, which may well compute with a weight that no planet has.
+    size = GRAVITY if path is not None else None
+    gravity = top.vector("gravity", 3, "[x, y, z] in m/s^2, such as [0, 0, -9.80665]", size)
     robot = _robot(top, path, urdf)
     links = link_names(robot.urdf, robot.source) if robot else None
     cables: list[Cable] = []

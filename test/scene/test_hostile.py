@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from cable_ros.printable import MOST_CHARACTERS, one_line
 from cable_ros.scene import Kinematics, SceneError, load_scene
@@ -126,21 +127,26 @@ def test_sentences_show_control_characters_escaped() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "sentence"),
+    ("gravity", "sentence"),
     [
+        ([0, 0, -9806], "gravity[2]: -9806 m/s^2 is outside -500 to 500 m/s^2; it looks like mm/s^2"),
         (
-            {"gravity": [0, 0, -9806]},
-            "gravity[2]: -9806 m/s^2 is outside -500 to 500 m/s^2; it looks like mm/s^2",
-        ),
-        ({"gravity": [980.665, 0, 0]}, "or cm/s^2"),
-        (
-            {"cable": {"linear_density": 150, "outer_diameter": 0.012}},
-            "150 kg/m in an outer diameter of 0.012 m would be denser than any metal; it looks like grams",
+            [980.665, 0, 0],
+            "gravity[0]: 980.665 m/s^2 is outside -500 to 500 m/s^2; it looks like mm/s^2 or cm/s^2",
         ),
     ],
 )
-def test_sizes_that_are_a_slip_of_units(changes: Any, sentence: str) -> None:
-    assert sentence in told(lambda: load_scene(scene(**changes)))
+def test_gravity_of_a_file_that_is_a_slip_of_units(tmp_path: Path, gravity: Any, sentence: str) -> None:
+    file = tmp_path / "scene.yaml"
+    file.write_text(yaml.safe_dump(scene(gravity=gravity)))
+    assert sentence in told(lambda: load_scene(file))
+
+
+def test_a_cable_that_is_denser_than_metal() -> None:
+    heavy = {"linear_density": 150, "outer_diameter": 0.012}
+    assert (
+        "150 kg/m in an outer diameter of 0.012 m would be denser than any metal; it looks like grams"
+    ) in told(lambda: load_scene(scene(cable=heavy)))
 
 
 def test_a_cable_of_lead_is_no_slip() -> None:
