@@ -71,10 +71,10 @@ def run(args: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from cable_ros.batch import solve_paths
-    from cable_ros.cli._tables import check_suffix, open_table
+    from cable_ros.cli._tables import check_out, open_table
     from cable_ros.scene import Kinematics, load_scene, vary
 
-    check_suffix(args.out, bool(args.vary))
+    check_out(args.out, bool(args.vary))
     scene = load_scene(args.scene)
     for sentence in beyond_limits(args.joint, scene):
         print(f"cable sweep: {sentence} Solved all the same.", file=sys.stderr)

@@ -85,8 +85,8 @@ DECLARATIONS = (
     Declaration(
         "log.path",
         "",
-        "The log: a file that does not exist yet (.mcap), or a folder in which each log gets a name with the "
-        "time; empty: ROS's log folder. Takes effect with the next log.",
+        "The log: a file that does not exist yet (.mcap), or a folder that does, in which each log gets a "
+        "name with the time; empty: ROS's log folder. Takes effect with the next log.",
         live=True,
     ),
     Declaration(
