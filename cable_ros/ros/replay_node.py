@@ -41,6 +41,7 @@ _LOOK_AROUND = 0.1  # s; how often a long pause looks whether it should stop
 _SETTLE = 0.3  # s
 _QUIET = 1.0  # s without another topic's first subscriber
 _NANO = 1_000_000_000
+_MOST_TOPICS = 1000  # each is a publisher
 _LAST_CLOCK = (1 << 31) * _NANO  # ns; builtin_interfaces/Time has four bytes for the seconds
 
 EXAMPLE = """example:
@@ -102,7 +103,7 @@ class ReplayNode(Node):
         qos = qos_from_yaml(topic.offered_qos)
         try:
             publisher = self.create_publisher(kind, topic.name, qos)
-        except (RuntimeError, TypeError, ValueError) as error:  # the middleware's own limits
+        except (InvalidTopicNameException, RuntimeError, TypeError, ValueError) as error:  # such as too long
             self.get_logger().warning(f"Topic {name} is left out: {one_line(str(error))}.")
             return
         if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
@@ -214,6 +215,8 @@ def window_of(logs: Sequence[LogReader], args: argparse.Namespace) -> Window:
     for topic in args.topics or ():
         if topic not in known:
             raise LogError(f"{logs[0].path} has no topic '{topic}'; it has {', '.join(known) or 'none'}.")
+    if len(args.topics or known) > _MOST_TOPICS:
+        raise LogError(f"{logs[0].path} has {len(known)} topics; name at most {_MOST_TOPICS} with --topics.")
     start, end = min(log.start for log in logs), max(log.end for log in logs) + 1
     if not any(topic.count for log in logs for topic in log.topics.values()):
         raise LogError(f"{logs[0].path} holds no message; there is nothing to replay.")
