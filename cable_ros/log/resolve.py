@@ -120,21 +120,24 @@ def logged_tolerance(log: LogReader, default: float = 1e-4) -> float:
     try:
         nodes = parse_yaml(text, f"{log.path}: {PARAMETERS}")
     except SceneError as error:
-        raise LogError(f"{error}; solve the log under another scene with --with.") from None
+        raise LogError(f"{error}; the log is damaged.") from None
     for node in nodes.values() if isinstance(nodes, dict) else ():
         parameters = node.get("ros__parameters") if isinstance(node, dict) else None
         value = parameters.get("tolerance") if isinstance(parameters, dict) else None
         if isinstance(value, float | int) and not isinstance(value, bool):
-            return _checked("tolerance", value, log.path)
+            try:
+                return float(_checked("tolerance", value))
+            except ValueError as error:
+                raise LogError(f"{log.path}: {PARAMETERS}: {error}; the log is damaged.") from None
     return default
 
 
-def _checked(name: str, value: Any, path: Any) -> Any:
-    """A logged setting that a tracker takes. Raises LogError for any other."""
+def _checked(name: str, value: Any) -> Any:
+    """A logged setting that a tracker takes. Raises ValueError for any other."""
     kind, low, high = _SETTINGS[name]
     if isinstance(value, kind) and not isinstance(value, bool) and low <= value <= high:
         return value
-    raise LogError(f"{path}: the logged {name} is not a number from {low:g} to {high:g}; the log is damaged.")
+    raise ValueError(f"its {name} is not a number from {low:g} to {high:g}")
 
 
 def resolve(
@@ -149,9 +152,8 @@ def resolve(
             try:
                 _apply(item, tracker, outcome, own_environment)
             except (TypeError, ValueError, OverflowError) as error:
-                if isinstance(error, LogError):
-                    raise
-                raise LogError(f"{run.name}: an event '{item.kind}' cannot be repeated: {error}.") from None
+                what = f"{run.name}: the event '{item.kind}' cannot be repeated ({error})"
+                raise LogError(f"{what}; the log is damaged.") from None
         elif isinstance(item, Gap):
             outcome.gaps += item.count
         elif all(name in item.joints for name in tracker.joint_names):
@@ -182,7 +184,7 @@ def _apply(event: Event, tracker: Tracker, outcome: Outcome, own_environment: bo
             tracker.distrust({str(cable): str(text) for cable, text in lost.items()})
         for name in _SETTINGS:
             if name in event.values:
-                setattr(tracker, name, _checked(name, event.values[name], "an event"))
+                setattr(tracker, name, _checked(name, event.values[name]))
         # What was refused then must be refused again: it did not move the cable.
         if "joint_limits" in event.values:
             tracker.joint_limits = str(event.values["joint_limits"])

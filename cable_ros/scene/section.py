@@ -198,5 +198,7 @@ def describe(value: Any) -> str:
     if isinstance(value, list | tuple | np.ndarray):
         return f"a list of {len(value)}"
     if isinstance(value, int) and abs(value) >= 10**20:
-        return f"an integer of {math.floor(math.log10(abs(value))) + 1} digits"
+        size = abs(value)  # Python writes no integers of more than 4300 digits
+        digits = len(str(size)) if size < 10**4000 else math.floor(math.log10(size)) + 1
+        return f"an integer of {digits} digits"
     return f"{value}"

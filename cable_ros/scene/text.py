@@ -18,7 +18,7 @@ from cable_ros.scene.caps import DEEPEST_VALUE, MOST_MERGED, MOST_SCENE_CHARACTE
 from cable_ros.scene.errors import SceneError
 
 _TAGS = tuple(f"tag:yaml.org,2002:{kind}" for kind in ("null", "str", "seq", "map"))
-_LONGEST_INTEGER = 40  # digits; longer ones are read as what they are to a float
+_LONGEST_INTEGER = 4000  # digits; Python refuses somewhat longer ones, which are infinite to a float
 
 
 class _Loader(yaml.SafeLoader):
