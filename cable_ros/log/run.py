@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,6 +17,7 @@ from cable_ros.log.reader import LoggedMessage, LoggedTopic, LogReader
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 PATH = "nav_msgs/msg/Path"
 CLAMPS = ("end", "start")
+_TOPIC = re.compile(r"(?:\w*/)+\w+", re.ASCII)
 
 
 @dataclass
@@ -147,11 +149,12 @@ def _read(how: Callable[[Any], Any], logged: LoggedMessage, message: Any) -> Any
 
 
 def _named(topics: dict[str, LoggedTopic], type_name: str, *last: str) -> list[str]:
+    """Topics of this type with messages whose names end so; those that ROS cannot have are nobody's."""
     return [
         topic.name
         for topic in topics.values()
         if topic.type_name == type_name
         and topic.count
         and topic.name.rpartition("/")[2] in last
-        and topic.name.count("/")
+        and _TOPIC.fullmatch(topic.name)
     ]

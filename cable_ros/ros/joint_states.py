@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cable_ros.printable import one_line
 from cable_ros.ros.cdr import Reader
 from cable_ros.ros.joint_motion import JointMotion
 
@@ -200,8 +201,8 @@ class JointStates:
         if count != len(names):
             error = f"has {count} positions for {len(names)} names; there must be one for each"
         elif len(order) != len(names):
-            double = next(name for name in names if names.count(name) > 1)
-            error = f"names '{double}' twice; each joint may be there once"
+            double = next(name for index, name in enumerate(names) if order[name] != index)
+            error = f"names '{one_line(double)}' twice; each joint may be there once"
         for what, length in others.items():
             if length not in (0, len(names)):
                 warning = (

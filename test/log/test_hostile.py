@@ -12,14 +12,14 @@ import time
 import lz4.frame
 import pytest
 import zstandard
-from log_samples import JOINT_STATE, JOINTS, START, WRENCH, WRENCH_STAMPED, fill, joint_state
+from log_samples import JOINT_STATE, JOINTS, START, WRENCH, WRENCH_STAMPED, fill, joint_state, wrench
 from mcap.writer import CompressionType, Writer
 
 from cable_ros.cli.main import main
 from cable_ros.log import chunks, order
 from cable_ros.log.definitions import message_definition
 from cable_ros.log.errors import LogError
-from cable_ros.log.events import decode_event, encode_event
+from cable_ros.log.events import decode_event, encode_event, encode_solved_joints
 from cable_ros.log.history import read_history
 from cable_ros.log.qos import MOST_DEPTH, offered_profiles, qos_from_yaml
 from cable_ros.log.reader import PARAMETERS, SCENE, LogReader
@@ -341,6 +341,19 @@ def test_wrenches_and_joints_without_numbers(tmp_path):
             writer.add_message(channel, START, encode_event("x"), START)
         writer.finish()
     assert "has not the fields of a sensor_msgs/msg/JointState" in told(lambda: read_history(path))
+
+
+def test_names_of_joints_are_drawn_as_they_are(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    names = ("$\\frac$", "x\x1b[31m")
+    path = tmp_path / "run.mcap"
+    with LogWriter(path) as log:
+        for i in range(3):
+            log.write(JOINTS, JOINT_STATE, encode_solved_joints(names, [0.1 * i, 0.0], START), START + i)
+            log.write(WRENCH, WRENCH_STAMPED, wrench([i, 1, 2, 3, 4, 5]), START + i)
+            log.write("/$\\frac$/end_wrench", WRENCH_STAMPED, wrench([i, 1, 2, 3, 4, 5]), START + i)
+    assert main(["plot", str(path)]) == 0, capsys.readouterr().err
+    assert list(read_history(path).end_wrenches) == ["camera_cable"]
 
 
 def test_recovering_nothing_is_told_with_exit_code_1(tmp_path, capsys):
