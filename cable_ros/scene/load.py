@@ -86,6 +86,8 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
     listed = top.items("cables", "a list of cables, see config/space_arm.yaml", MOST_CABLES)
     for i, entry in enumerate(listed):
         cable = _cable(entry, source, f"cables[{i}]", links)
+        if path is not None:
+            _check_density(cable, source, f"cables[{i}]")
         for j, other in enumerate(cables):
             if other.name == cable.name:
                 raise SceneError(
@@ -199,7 +201,7 @@ def _cable(values: Any, source: str, place: str, links: tuple[str, ...] | None) 
             )
     return Cable(
         name, length, stiffness, density, start, end, diameter, twist,
-        outer_diameter=_outer_diameter(section, length, diameter, density),
+        outer_diameter=_outer_diameter(section, length, diameter),
         natural_strain=_natural_strain(section, length),
         temperature=read_influence(section, "temperature", CELSIUS, "sensor_msgs/Temperature"),
         dose=read_influence(section, "dose", GRAY, "std_msgs/Float64"),
@@ -207,7 +209,7 @@ def _cable(values: Any, source: str, place: str, links: tuple[str, ...] | None) 
     )  # fmt: skip
 
 
-def _outer_diameter(section: Section, length: float, diameter: float | None, density: float) -> float | None:
+def _outer_diameter(section: Section, length: float, diameter: float | None) -> float | None:
     if "outer_diameter" not in section:
         return None
     outer = section.number("outer_diameter", "metres", DIAMETER)
@@ -222,13 +224,19 @@ def _outer_diameter(section: Section, length: float, diameter: float | None, den
             "give the cable's outside, or leave it out",
             "outer_diameter",
         )
-    if density > METAL_DENSITY * math.pi / 4 * outer**2:
-        section.fail(
+    return outer
+
+
+def _check_density(cable: Cable, source: str, place: str) -> None:
+    """Raise SceneError if a cable of a file is denser than metal; a program may draw numbers at random."""
+    outer, density = cable.outer_diameter, cable.linear_density
+    if outer is not None and density > METAL_DENSITY * math.pi / 4 * outer**2:
+        raise SceneError(
+            source,
+            f"{place}.linear_density",
             f"{density:g} kg/m in an outer diameter of {outer:g} m would be denser than any metal; "
             f"{LINEAR_DENSITY.too_high}; give kg/m",
-            "linear_density",
         )
-    return outer
 
 
 def _natural_strain(section: Section, length: float) -> np.ndarray | None:
