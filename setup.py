@@ -6,6 +6,10 @@ from setuptools import find_packages, setup
 
 PACKAGE = "cable_ros"
 
+# Tested with 1.5.0 and 1.6.0. Until log/order.py read the chunks itself, log/reader.py needed 1.6, whose
+# `iter_messages` has `starting_at` and `ending_before` where that of 1.5 has `start_time` and `end_time`.
+MCAP = "mcap>=1.5"
+
 # The Jazzy wheels, for machines without ROS. Pinned: unpinned, some of them would be another distribution's.
 ROS_JAZZY = [
     "ros-jazzy-rclpy==7.1.6",
@@ -33,7 +37,7 @@ setup(
         (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.py"))),
     ],
-    install_requires=["numpy>=1.26", "scipy", "numba", "pyyaml", "mcap>=1.5", "mcap-ros2-support", "tqdm"],
+    install_requires=["numpy>=1.26", "scipy", "numba", "pyyaml", MCAP, "mcap-ros2-support", "tqdm"],
     extras_require={
         "ros": ROS_JAZZY,
         "robot": ["pin"],

@@ -18,6 +18,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cable_ros.printable import escaped
 from cable_ros.scene.obstacles import Plane
 from cable_ros.scene.obstacles import Shape as Solid
 from cable_ros.silhouettes import farthest, silhouette
@@ -59,6 +60,11 @@ class Shape:
     """Place on the colour scale, such as the joint's angle."""
 
 
+def literal(name: str) -> str:
+    """A name out of a log as matplotlib writes it letter by letter: no formula, no control character."""
+    return escaped(name).replace("$", r"\$")
+
+
 @dataclass(frozen=True)
 class Abscissa:
     """What is drawn along the horizontal axis: a joint or the time."""
@@ -70,7 +76,8 @@ class Abscissa:
 
     @classmethod
     def of_joint(cls, name: str, revolute: bool = True) -> Abscissa:
-        return cls(name, "deg", 180 / np.pi) if revolute else cls(name, "m", 1.0)
+        shown = literal(name)
+        return cls(shown, "deg", 180 / np.pi) if revolute else cls(shown, "m", 1.0)
 
     @classmethod
     def of_time(cls) -> Abscissa:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping
@@ -14,12 +15,15 @@ from cable_ros import auto_effects
 from cable_ros.effects import environments, properties
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.follower import Follower
+from cable_ros.joint_limits import IGNORE, MODES, REFUSE, WARN, JointLimits
 from cable_ros.overlaps import OUTLINE, Pairs
 from cable_ros.scene import Kinematics, Scene, load_scene
 from cable_ros.solve.status import Status
 
 ABSURD = 1e4
 """Joint values beyond this many rad or m are taken for a fault of the sender, not for a pose."""
+MOST_POINTS = 100_001
+"""Points of a polyline."""
 
 
 class Tracker:
@@ -28,19 +32,29 @@ class Tracker:
     Args:
         scene: from `load_scene`; a path or mapping is loaded.
         tolerance: accepted relative error of the end wrench, 1e-12 to 0.1; the resolution follows from it.
-        polyline_points: points of `Equilibrium.points`, 2 or more.
+        polyline_points: points of `Equilibrium.points`, 2 to 100,001.
+        joint_limits: what to do with joint values outside the URDF's limits: `warn`, solve them and say so in
+            the message; `refuse`, not solve them; or `ignore`, solve them as any other.
 
     Raises:
         SceneError: the scene is not usable.
-        ValueError: tolerance or polyline_points out of range.
+        ValueError: tolerance or polyline_points out of range, or no such way with joint limits.
     """
 
     def __init__(
-        self, scene: Scene | str | Mapping[str, object], tolerance: float = 1e-4, polyline_points: int = 101
+        self,
+        scene: Scene | str | Mapping[str, object],
+        tolerance: float = 1e-4,
+        polyline_points: int = 101,
+        joint_limits: str = WARN,
     ):
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self.kinematics = Kinematics(self.scene)
         self.joint_names = self.kinematics.joint_names
+        self.limits = JointLimits(self.scene, self.joint_names)
+        self.joint_limits = joint_limits
+        self.outside = ""
+        """Sentences about the joint values solved last that are outside their limits; mostly empty."""
         self._check(tolerance, polyline_points)
         self._tolerance, self._polyline_points = float(tolerance), int(polyline_points)
         names = [obstacle.name for obstacle in self.scene.obstacles]
@@ -58,8 +72,8 @@ class Tracker:
             raise ValueError(
                 f"tolerance is {tolerance!r}; give the accepted relative error, from 1e-12 to 0.1"
             )
-        if polyline_points < 2:
-            raise ValueError(f"polyline_points is {polyline_points!r}; give 2 or more")
+        if not 2 <= polyline_points <= MOST_POINTS:
+            raise ValueError(f"polyline_points is {polyline_points!r}; give 2 to {MOST_POINTS}")
 
     @property
     def tolerance(self) -> float:
@@ -84,6 +98,17 @@ class Tracker:
         self._polyline_points = int(value)
         for follower in self._followers:
             follower.polyline_points = self._polyline_points
+
+    @property
+    def joint_limits(self) -> str:
+        """`warn`, `refuse` or `ignore`; a change holds from the next solve on."""
+        return self._joint_limits
+
+    @joint_limits.setter
+    def joint_limits(self, value: str) -> None:
+        if value not in MODES:
+            raise ValueError(f"joint_limits is {value!r}; give {', '.join(MODES[:-1])} or {MODES[-1]}")
+        self._joint_limits = value
 
     def reset(self) -> None:
         """Forget all equilibria: the next solve starts cold, on the branch that the scene asks for."""
@@ -149,6 +174,7 @@ class Tracker:
         pose is followed from the last one.
         """
         begin = time.perf_counter()
+        self.outside = ""
         try:
             numbers = [float(joints[name]) for name in self.joint_names]
         except (KeyError, TypeError, ValueError):
@@ -156,6 +182,9 @@ class Tracker:
         for number in numbers:
             if not -ABSURD <= number <= ABSURD:
                 return self._invalid(self._fault(joints), begin)
+        self.outside = "" if self._joint_limits == IGNORE else self.limits.beyond(numbers)
+        if self.outside and self._joint_limits == REFUSE:
+            return self._invalid(f"{self.outside} Not solved, as joint_limits is '{REFUSE}'.", begin)
         values = np.array(numbers)
         out = {}
         poses = self.kinematics.poses(values)
@@ -170,6 +199,9 @@ class Tracker:
         self._joints = values
         if len(out) > 1:
             self._pairs.mark(out, poses, self._outlines(out, poses))
+        if self.outside:
+            for name, found in out.items():
+                out[name] = dataclasses.replace(found, message=f"{found.message} {self.outside}")
         return out
 
     def arrive(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:

@@ -150,8 +150,8 @@ class Robot:
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
         assert self.call(SetParameters, f"{NODE}/set_parameters", request).results[0].successful
 
-    def stop(self) -> None:
-        """Interrupt the node, which must end cleanly."""
+    def stop(self) -> str:
+        """Interrupt the node, which must end cleanly; returns what it printed."""
         heard = -1
         while heard != sum(self.heard.values()):  # what is still on its way
             heard = sum(self.heard.values())
@@ -160,3 +160,4 @@ class Robot:
         self.process.send_signal(signal.SIGINT)
         output, _ = self.process.communicate(timeout=TIMEOUT)
         assert self.process.returncode == 0, output
+        return output

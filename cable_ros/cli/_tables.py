@@ -32,16 +32,14 @@ def open_table(path: Path, scene: Scene) -> Iterator[Table]:
     Raises:
         CommandError: the suffix is not known.
         LogError: a log of that name exists.
+        FileExistsError: another file came to be there meanwhile.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".mcap":
         from cable_ros.ros.batch_log import BatchLog
 
-        log = BatchLog(path, scene)
-        try:
+        with BatchLog(path, scene) as log:
             yield log
-        finally:
-            log.close()
         return
     kinds: dict[str, Any] = {".csv": CsvTable, ".parquet": ParquetTable}
     unfinished = path.with_name(path.name + ".part")
@@ -51,17 +49,21 @@ def open_table(path: Path, scene: Scene) -> Iterator[Table]:
             yield table
         finally:
             table.close()
+        # The empty placeholder reserves the name: what came there meanwhile stays.
+        path.touch(exist_ok=False)
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
 
 
-def check_suffix(path: Path, varied: bool) -> None:
-    """Raise CommandError unless the suffix names a kind of file that can hold what is asked for."""
+def check_out(path: Path, varied: bool) -> None:
+    """Raise CommandError unless `path` is new and its suffix names a file that can hold what is asked for."""
     if path.suffix not in (".csv", ".parquet", ".mcap"):
         raise CommandError(f"--out {path}: the name must end in .csv, .parquet or .mcap")
     if path.suffix == ".mcap" and varied:
         raise CommandError("a log holds one scene; write variations to a .csv or .parquet file")
+    if path.exists():
+        raise CommandError(f"--out {path}: it exists already and is not overwritten; choose another name")
 
 
 def columns(variant: Mapping[str, float], batch: Batch) -> dict[str, np.ndarray]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cable_ros.cli._arguments import add_command
+from cable_ros.printable import escaped, one_line
 
 if TYPE_CHECKING:
     from cable_ros.log.reader import LogReader
@@ -55,7 +57,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Exit code 0; LogError where the log cannot be read at all."""
+    """Exit code 0; 1 where nothing could be recovered; LogError where the log cannot be read at all."""
     from cable_ros.log.reader import LogReader
     from cable_ros.log.recover import recover
 
@@ -65,6 +67,9 @@ def run(args: argparse.Namespace) -> int:
         return 0
     recovery = recover(args.log, args.out)
     print(report(args.log, recovery))
+    if not any(recovery.messages.values()):
+        print(f"cable log: {one_line(str(args.log))} holds no whole message: none was saved", file=sys.stderr)
+        return 1
     return 0
 
 
@@ -77,16 +82,16 @@ def describe(log: LogReader) -> str:
         + (f", from {_time(log.start)} to {_time(log.end)}" if count else ""),
         "",
     ]
-    width = max((len(name) for name in log.topics), default=0)
+    width = max((len(escaped(name)) for name in log.topics), default=0)
     for topic in sorted(log.topics.values(), key=lambda topic: topic.name):
         rate = f"{topic.count / seconds:8.1f} Hz" if seconds > 0 else ""
-        lines.append(f"  {topic.name:{width}}  {topic.count:>9} {rate}  {topic.type_name}")
+        lines.append(f"  {escaped(topic.name):{width}}  {topic.count:>9} {rate}  {topic.type_name}")
     for name, text in log.attachments.items():
         lines.append(f"  attachment {name}, {len(text)} characters")
     for name, entries in log.metadata.items():
         if name != "rosbag2":
             lines += ["", f"  {name}:", *(f"    {key}: {value}" for key, value in entries.items() if value)]
-    return "\n".join(lines)
+    return "\n".join(map(escaped, lines))
 
 
 def report(source: Path, recovery: Recovery) -> str:
@@ -102,9 +107,11 @@ def report(source: Path, recovery: Recovery) -> str:
         f"{recovery.path}: saved {count} messages of {len(recovery.messages)} topics and"
         f" {recovery.attachments} attachments{span}"
     ]
-    lines += [f"  {name}: {number}" for name, number in sorted(recovery.messages.items())]
+    lines += [f"  {escaped(name)}: {number}" for name, number in sorted(recovery.messages.items())]
     for damage in recovery.damages:
-        lines.append(f"lost: {damage.size} bytes of {source} from byte {damage.offset} on: {damage.what}")
+        lines.append(
+            f"lost: {damage.size} bytes of {source} from byte {damage.offset} on: {escaped(damage.what)}"
+        )
     if recovery.orphans:
         lines.append(f"lost: {recovery.orphans} messages whose topic was named in a damaged place")
     if recovery.was_whole:

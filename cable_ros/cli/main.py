@@ -12,6 +12,7 @@ from importlib import metadata
 from typing import Any, NoReturn
 
 import cable_ros.cli
+from cable_ros.printable import one_line
 
 INTERRUPTED = 130  # 128 + SIGINT, and the like for SIGPIPE: what a shell reports for a program they end
 BROKEN_PIPE = 141
@@ -122,8 +123,8 @@ def _sentence(error: Exception) -> str:
         remedy = f"pip install 'cable_ros[{extra}]'" if extra else "install it"
         return f"the Python package '{package}' is missing; {remedy}"
     if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {_REMEDIES.get(type(error), error.strerror)}"
-    return " ".join(str(error).split())
+        return one_line(f"{error.filename}: {_REMEDIES.get(type(error), error.strerror)}")
+    return one_line(" ".join(str(error).split()))
 
 
 def _version() -> str:

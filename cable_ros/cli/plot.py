@@ -52,7 +52,7 @@ def draw(log: Path, out: Path) -> list[Path]:
         LogError: the log cannot be read or has no wrenches.
     """
     from cable_ros.log.history import read_history
-    from cable_ros.plots import Abscissa, save, shapes_figure, wrench_figure
+    from cable_ros.plots import Abscissa, literal, save, shapes_figure, wrench_figure
 
     history = read_history(log)
     scene = scene_of(log)
@@ -65,7 +65,7 @@ def draw(log: Path, out: Path) -> list[Path]:
         title = f"Shape of {', '.join(history.polylines)}, world axes"
         # What a link carries is somewhere else at each pose.
         fixed = [obstacle.shape for obstacle in scene.obstacles if obstacle.link is None] if scene else []
-        figure = shapes_figure(shapes, title, name or "", fixed)
+        figure = shapes_figure(shapes, title, literal(name or ""), fixed)
         pictures.append(save(figure, out / f"{log.stem}_shapes.png"))
     figure = wrench_figure(abscissa, {name: (values, rows) for name, rows in history.end_wrenches.items()})
     pictures.append(save(figure, out / f"{log.stem}_end_wrench.png"))
@@ -76,12 +76,11 @@ def scene_of(log: Path) -> Scene | None:
     """The logged scene; None where the log has none."""
     from cable_ros.log.errors import LogError
     from cable_ros.log.reader import LogReader
-    from cable_ros.scene import load_scene
-    from cable_ros.scene.text import parse_yaml
+    from cable_ros.log.resolve import logged_scene
 
     try:
         with LogReader(log) as reader:
-            return load_scene(parse_yaml(reader.scene_text, str(log)), urdf=reader.urdf_text)
+            return logged_scene(reader)
     except LogError:
         return None
 

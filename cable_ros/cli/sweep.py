@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 import math
 import os
+import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -70,11 +71,13 @@ def run(args: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from cable_ros.batch import solve_paths
-    from cable_ros.cli._tables import check_suffix, open_table
+    from cable_ros.cli._tables import check_out, open_table
     from cable_ros.scene import Kinematics, load_scene, vary
 
-    check_suffix(args.out, bool(args.vary))
+    check_out(args.out, bool(args.vary))
     scene = load_scene(args.scene)
+    for sentence in beyond_limits(args.joint, scene):
+        print(f"cable sweep: {sentence} Solved all the same.", file=sys.stderr)
     names = [name for name, _ in args.vary]
     variants = [
         dict(zip(names, values, strict=True))
@@ -113,6 +116,18 @@ def grid(ranges: Sequence[tuple[str, np.ndarray]], joint_names: Sequence[str]) -
         np.column_stack([*(np.full(len(fast), value) for value in values), fast])[:, order]
         for values in itertools.product(*slow)
     ]
+
+
+def beyond_limits(ranges: Sequence[tuple[str, np.ndarray]], scene: Scene) -> Iterator[str]:
+    """A sentence for each end of a joint's range that is outside the URDF's limits."""
+    from cable_ros.joint_limits import JointLimits
+    from cable_ros.scene import Kinematics
+
+    limits = {limit.name: limit for limit in JointLimits(scene, Kinematics(scene).joint_names).joints}
+    for name, values in ranges:
+        for value in dict.fromkeys((float(values.min()), float(values.max()))):
+            if name in limits and (sentence := limits[name].beyond(value)):
+                yield sentence
 
 
 def same_branch(scenes: Sequence[Scene], pose: np.ndarray) -> Iterator[Scene]:

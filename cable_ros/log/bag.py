@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import yaml
 from mcap.records import Statistics
 
+from cable_ros.log.qos import offered_profiles
+
 RECORD = "rosbag2"
 KEY = "serialized_metadata"
 
@@ -39,7 +41,7 @@ def metadata_text(file_name: str, topics: Mapping[int, BagTopic], statistics: St
                 "name": topic.name,
                 "type": topic.type_name,
                 "serialization_format": "cdr",
-                "offered_qos_profiles": yaml.safe_load(topic.offered_qos) if topic.offered_qos else [],
+                "offered_qos_profiles": offered_profiles(topic.offered_qos),
                 "type_description_hash": topic.type_hash,
             },
             "message_count": statistics.channel_message_counts.get(channel, 0),

@@ -18,7 +18,7 @@ _PRIMITIVES = frozenset(
     ["bool", "byte", "char", "string", "wstring", "float32", "float64"]
     + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 )
-_TYPE_NAME = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Za-z][A-Za-z0-9]*)")
+TYPE_NAME = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Za-z][A-Za-z0-9]*)")
 _FIELD = re.compile(r"\s*([A-Za-z][A-Za-z0-9_/]*)[^\s#]*\s+[A-Za-z]")
 
 
@@ -65,7 +65,7 @@ def type_hash(type_name: str) -> str:
 
 
 def _split(type_name: str) -> tuple[str, str]:
-    match = _TYPE_NAME.fullmatch(type_name)
+    match = TYPE_NAME.fullmatch(type_name)
     if match is None:
         raise LogError(f"'{type_name}' is not a message type; write it as 'geometry_msgs/msg/WrenchStamped'.")
     return match[1], match[2]

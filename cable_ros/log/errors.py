@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 from pathlib import Path
 
+from cable_ros.printable import one_line
+
 RECOVER = "what it already holds can be saved with 'cable log recover {path}'"
 
 _REMEDIES = {
@@ -24,6 +26,9 @@ _REMEDIES = {
 
 class LogError(ValueError):
     """A log that cannot be written or read: one sentence with the file and a remedy."""
+
+    def __init__(self, sentence: str) -> None:
+        super().__init__(one_line(sentence))  # names from a file may hold anything
 
 
 def describe(error: OSError, path: Path, doing: str) -> str:

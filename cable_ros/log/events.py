@@ -26,13 +26,14 @@ EVENTS = "events"
 STRING = "std_msgs/msg/String"
 
 START = "start"
-"""A log begins: `tolerance`, `polyline_points`, `fresh` (whether the tracker has not solved anything yet),
+"""A log begins: `tolerance`, `polyline_points`, `joint_limits`,
+`fresh` (whether the tracker has not solved anything yet),
 `environment` as in ENVIRONMENT where it is not the scene's, and
 `lost` as in `Tracker.lost` if it is not empty."""
 RESET = "reset"
 """`Tracker.reset()` was called."""
 SET = "set"
-"""A setting of the tracker changed: `tolerance` or `polyline_points` with the new value."""
+"""A setting of the tracker changed: `tolerance`, `polyline_points` or `joint_limits` with the new value."""
 ENVIRONMENT = "environment"
 """`Tracker.set_environment` was called: `environment` is what it was given."""
 
@@ -62,6 +63,6 @@ def decode_event(text: str) -> dict[str, Any]:
     """The object of one event; an empty one where `text` is not ours."""
     try:
         value = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):  # not JSON, or brackets within brackets without end
         return {}
     return value if isinstance(value, dict) else {}

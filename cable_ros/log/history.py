@@ -73,9 +73,16 @@ def read_polyline(path: str | Path, cable: str, time: int) -> np.ndarray:
         ]
         # A recorder other than the node stamps each message with its own time of arrival.
         for _, message in reader.decoded(topics, time):
-            positions = (pose.pose.position for pose in message.poses)
-            return np.array([[point.x, point.y, point.z] for point in positions])
+            return _points(path, message)
     raise LogError(f"{path} holds no polyline of {cable} at or after {time} ns.")
+
+
+def _points(path: str | Path, message: Any) -> np.ndarray:
+    try:
+        positions = (pose.pose.position for pose in message.poses)
+        return np.array([[point.x, point.y, point.z] for point in positions], dtype=float).reshape(-1, 3)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise LogError(f"{path}: a polyline has not the fields of a {PATH} ({error}).") from None
 
 
 def _table(rows: list[Any], columns: int) -> np.ndarray:

@@ -6,9 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from cable_ros.scene.errors import SceneError
+from cable_ros.scene.text import parse_yaml
+
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
+MOST_DEPTH = 10_000
+_MOST_CHARACTERS = 20_000
 _NANOSECONDS = 1_000_000_000
 _DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
 # RMW_DURATION_INFINITE; rclpy's profiles hold 0 or this where nothing was asked for.
@@ -33,16 +38,26 @@ def qos_to_yaml(profile: QoSProfile) -> str:
     return yaml.safe_dump([entry], sort_keys=False)
 
 
+def offered_profiles(text: str) -> list[dict[str, Any]]:
+    """The profiles that a channel's `offered_qos_profiles` holds; none where the text is damaged."""
+    if len(text) > _MOST_CHARACTERS:
+        return []
+    try:
+        values = parse_yaml(text, "offered_qos_profiles")
+    except SceneError:
+        return []
+    return [value for value in values if isinstance(value, dict)] if isinstance(values, list) else []
+
+
 def qos_from_yaml(text: str) -> QoSProfile:
     """Profile to publish a logged topic with: reliability, durability and depth as they were offered.
 
     Deadline, lifespan and liveliness are left out: they were promises of the process that was logged.
-    Empty or unknown text gives rclpy's default (reliable, volatile, keep last 10).
+    Empty, unknown or damaged text gives rclpy's default (reliable, volatile, keep last 10).
     """
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-    entries = yaml.safe_load(text) if text else None
-    entry = entries[0] if isinstance(entries, list) and entries and isinstance(entries[0], dict) else {}
+    entry = next(iter(offered_profiles(text)), {})
 
     def policy(kind: Any, name: str, default: Any) -> Any:
         value = entry.get(name)
@@ -55,7 +70,7 @@ def qos_from_yaml(text: str) -> QoSProfile:
     depth = entry.get("depth", 0)
     return QoSProfile(
         history=history,
-        depth=depth if isinstance(depth, int) and depth > 0 else 10,
+        depth=min(depth, MOST_DEPTH) if isinstance(depth, int) and depth > 0 else 10,
         reliability=policy(ReliabilityPolicy, "reliability", ReliabilityPolicy.RELIABLE),
         durability=policy(DurabilityPolicy, "durability", DurabilityPolicy.VOLATILE),
     )

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mcap import records
 from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
-from mcap.stream_reader import CRCValidationError
 from mcap.summary import Summary
 
-from cable_ros.log.errors import RECOVER, LogError, describe
-from cable_ros.log.records import has_magic
+from cable_ros.log.chunks import MOST_RECORD_BYTES, ChunkError, parsed
+from cable_ros.log.errors import RECOVER, LogError
+from cable_ros.log.files import LogFile
+from cable_ros.log.order import Source
 
 SCENE = "scene.yaml"
 URDF = "robot.urdf"
 PARAMETERS = "parameters.yaml"
 """Names of the attachments that a log of the node has."""
+
+MOST_ATTACHED = 64 << 20
+MOST_ATTACHMENTS = 1000
+"""Bytes of all attachments together, and how many of them, and of records of metadata, are read."""
+MOST_SCHEMA_BYTES = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -56,10 +62,7 @@ class LogReader:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        try:
-            self._stream = self.path.open("rb")
-        except OSError as error:
-            raise LogError(describe(error, self.path, "read")) from None
+        self._stream = LogFile(self.path)
         try:
             self._open()
         except BaseException:
@@ -67,11 +70,6 @@ class LogReader:
             raise
 
     def _open(self) -> None:
-        if not has_magic(self._stream):
-            raise LogError(
-                f"Cannot read {self.path}: it does not begin as an MCAP file does; name a log (.mcap)."
-            )
-        self._stream.seek(0)
         summary = self._summary()
         statistics = summary.statistics
         assert statistics is not None
@@ -88,26 +86,56 @@ class LogReader:
                 channel.metadata.get("offered_qos_profiles", ""),
                 statistics.channel_message_counts.get(channel.id, 0) + (known.count if known else 0),
             )
+        self._source = Source(self._stream, self._stream.size, summary)
         try:
-            self.attachments = {
-                a.name: a.data.decode(errors="replace") for a in self._reader.iter_attachments()
-            }
-            self.metadata = {record.name: dict(record.metadata) for record in self._reader.iter_metadata()}
+            self.attachments = self._attachments(summary)
+            self.metadata = self._metadata(summary)
             self.header = self._reader.get_header()
         except Exception as error:
             raise self._damaged(error) from None
 
+    def _attachments(self, summary: Summary) -> dict[str, str]:
+        if len(summary.attachment_indexes) > MOST_ATTACHMENTS:
+            raise ChunkError(f"it has more than {MOST_ATTACHMENTS} attachments")
+        out, left = {}, MOST_ATTACHED
+        for index in summary.attachment_indexes:
+            body = self._body(index.offset, left)
+            left -= len(body)
+            attachment = parsed(records.Attachment, body)
+            assert isinstance(attachment, records.Attachment)
+            out[attachment.name] = attachment.data.decode(errors="replace")
+        return out
+
+    def _metadata(self, summary: Summary) -> dict[str, dict[str, str]]:
+        if len(summary.metadata_indexes) > MOST_ATTACHMENTS:
+            raise ChunkError(f"it has more than {MOST_ATTACHMENTS} records of metadata")
+        out, left = {}, MOST_ATTACHED
+        for index in summary.metadata_indexes:
+            body = self._body(index.offset, left)
+            left -= len(body)
+            record = parsed(records.Metadata, body)
+            assert isinstance(record, records.Metadata)
+            out[record.name] = dict(record.metadata)
+        return out
+
+    def _body(self, offset: int, most: int) -> bytes:
+        """What is in the record at `offset`."""
+        self._stream.seek(offset + 1)
+        length = int.from_bytes(self._stream.read(8), "little")
+        if length > most:
+            raise ChunkError(f"its attachments or its metadata have more than {MOST_ATTACHED >> 20} MB")
+        return self._stream.read(length)
+
     def _summary(self) -> Summary:
         try:
-            self._reader = SeekingReader(self._stream, validate_crcs=True)
+            self._reader = SeekingReader(self._stream, record_size_limit=MOST_RECORD_BYTES)
             summary = self._reader.get_summary()
         except Exception:
             summary = None
         if summary is None or summary.statistics is None:
-            size = self.path.stat().st_size
             raise LogError(
-                f"Cannot read {self.path}: it ends at byte {size} without an index, so its writer was"
-                f" interrupted or is still at work; {RECOVER.format(path=self.path)}."
+                f"Cannot read {self.path}: it ends at byte {self._stream.size} without an index, so its"
+                f" writer was interrupted or is still at work; {RECOVER.format(path=self.path)}."
             )
         return summary
 
@@ -163,7 +191,15 @@ class LogReader:
                 continue
             decode = decoders.get(channel.id)
             if decode is None:
-                decode = decoders[channel.id] = factory.decoder_for(channel.message_encoding, schema)
+                try:
+                    if schema is not None and len(schema.data) > MOST_SCHEMA_BYTES:
+                        raise ValueError(f"more than {MOST_SCHEMA_BYTES} bytes")
+                    decode = decoders[channel.id] = factory.decoder_for(channel.message_encoding, schema)
+                except Exception as error:  # its parser has many for texts that are no schema
+                    raise LogError(
+                        f"{self.path}: the schema of topic {channel.topic} is damaged ({_reason(error)});"
+                        " leave the topic out."
+                    ) from None
                 if decode is None:
                     raise LogError(
                         f"{self.path}: topic {channel.topic} is encoded as '{channel.message_encoding}';"
@@ -171,10 +207,10 @@ class LogReader:
                     )
             try:
                 value = decode(message.data)
-            except (struct.error, ValueError, IndexError) as error:
+            except Exception as error:  # whatever a schema makes of bytes that are not its own
                 raise LogError(
                     f"{self.path}: message {message.sequence} of {channel.topic} is not a {schema.name}"
-                    f" ({error}); leave the topic out."
+                    f" ({_reason(error)}); leave the topic out."
                 ) from None
             yield self._logged(schema, channel, message), value
 
@@ -195,9 +231,7 @@ class LogReader:
         wanted = None if topics is None else list(topics)
         if wanted == []:
             return
-        iterator = self._reader.iter_messages(
-            wanted, starting_at=start, ending_before=end, log_time_order=not as_written
-        )
+        iterator = self._source.messages(wanted, start, end, as_written)
         while True:
             try:
                 item = next(iterator)
@@ -208,7 +242,7 @@ class LogReader:
             yield item
 
     def _damaged(self, error: Exception) -> LogError:
-        reason = str(error) if isinstance(error, McapError | CRCValidationError) else type(error).__name__
+        reason = str(error) if isinstance(error, McapError | ChunkError) else type(error).__name__
         return LogError(
             f"Cannot read {self.path}: it is damaged before byte {self._stream.tell()} ({reason});"
             f" {RECOVER.format(path=self.path)}."
@@ -223,3 +257,7 @@ class LogReader:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
+
+
+def _reason(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

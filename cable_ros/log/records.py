@@ -9,20 +9,21 @@ from dataclasses import dataclass
 from typing import IO
 
 from mcap import records
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.stream_reader import MAGIC_SIZE, breakup_chunk
+from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import MCAP0_MAGIC
 
+from cable_ros.log import chunks
+
 _HEADER = struct.Struct("<BQ")
-_READERS = {
-    Opcode.HEADER: records.Header.read,
-    Opcode.SCHEMA: records.Schema.read,
-    Opcode.CHANNEL: records.Channel.read,
-    Opcode.CHUNK: records.Chunk.read,
-    Opcode.ATTACHMENT: records.Attachment.read,
-    Opcode.METADATA: records.Metadata.read,
+_KINDS = {
+    Opcode.HEADER: records.Header,
+    Opcode.SCHEMA: records.Schema,
+    Opcode.CHANNEL: records.Channel,
+    Opcode.ATTACHMENT: records.Attachment,
+    Opcode.METADATA: records.Metadata,
 }
+_MOST_DAMAGES = 1000  # of single records; what comes after them is one more
 
 
 @dataclass(frozen=True)
@@ -43,12 +44,14 @@ def has_magic(stream: IO[bytes]) -> bool:
 def whole_records(stream: IO[bytes]) -> Iterator[records.McapRecord | Damage]:
     """Header, schemas, channels, messages, attachments and metadata in the order of the file.
 
-    Chunks are opened, and those whose checksum is wrong reported as Damage; reading ends where the data
-    section ends, or with the Damage of the first record that is not whole. Only one chunk at a time is in
-    memory.
+    Chunks are opened, and those that are damaged or hold too much reported as Damage; reading ends where the
+    data section ends, or with the Damage of the first record that is not whole, or after too many. Only one
+    chunk at a time is in memory.
     """
     size = stream.seek(0, io.SEEK_END)
+    allowance = chunks.Allowance(size)
     stream.seek(MAGIC_SIZE)
+    damages = 0
     while True:
         offset = stream.tell()
         header = stream.read(_HEADER.size)
@@ -67,23 +70,32 @@ def whole_records(stream: IO[bytes]) -> Iterator[records.McapRecord | Damage]:
         if offset + _HEADER.size + length > size:
             yield Damage(offset, size - offset, f"unfinished {_name(opcode)}")
             return
-        yield from _parse(opcode, stream.read(length), offset)
+        end = offset + _HEADER.size + length
+        try:
+            if length > chunks.MOST_RECORD_BYTES:
+                raise chunks.ChunkError(f"of more than {chunks.MOST_RECORD_BYTES >> 20} MB")
+            if opcode in _KINDS or opcode in (Opcode.CHUNK, Opcode.MESSAGE):
+                yield from _parse(Opcode(opcode), stream.read(length), allowance)
+        except chunks.AllowanceError as error:
+            yield Damage(offset, size - offset, f"all from here on: {error}")
+            return
+        except chunks.ChunkError as error:
+            damages += 1
+            if damages > _MOST_DAMAGES:
+                yield Damage(offset, size - offset, "all from here on: nothing but damaged records")
+                return
+            yield Damage(offset, end - offset, f"damaged {_name(opcode)}: {error}")
+        stream.seek(end)
 
 
-def _parse(opcode: int, body: bytes, offset: int) -> list[records.McapRecord | Damage]:
+def _parse(opcode: Opcode, body: bytes, allowance: chunks.Allowance) -> Iterator[records.McapRecord]:
     """What one record holds; a chunk is whole or left out."""
-    stream = ReadDataStream(io.BytesIO(body))
-    try:
-        if opcode == Opcode.MESSAGE:
-            return [records.Message.read(stream, len(body))]
-        if opcode not in _READERS:
-            return []
-        record = _READERS[Opcode(opcode)](stream)
-        if isinstance(record, records.Chunk):
-            return list(breakup_chunk(record, validate_crc=True))
-        return [record]
-    except Exception:  # zstandard, lz4, mcap and struct each have errors of their own for wrong bytes
-        return [Damage(offset, _HEADER.size + len(body), f"damaged {_name(opcode)}")]
+    if opcode == Opcode.MESSAGE:
+        yield chunks.message(body)
+    elif opcode == Opcode.CHUNK:
+        yield from chunks.open_chunk(chunks.read_chunk(body), allowance)
+    else:
+        yield chunks.parsed(_KINDS[opcode], body)
 
 
 def _name(opcode: int) -> str:

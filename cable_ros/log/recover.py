@@ -11,9 +11,11 @@ from mcap.reader import SeekingReader
 from mcap.summary import Summary
 
 from cable_ros.log import bag
+from cable_ros.log.chunks import MOST_RECORD_BYTES
 from cable_ros.log.errors import LogError, describe
+from cable_ros.log.files import LogFile
 from cable_ros.log.mcap_writer import McapWriter
-from cable_ros.log.records import Damage, has_magic, whole_records
+from cable_ros.log.records import Damage, whole_records
 from cable_ros.log.unfinished import SUFFIX, UnfinishedFile
 
 _CHUNK_BYTES = 1 << 20
@@ -62,13 +64,7 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
     out = default_output(path) if out is None else out
     if out.resolve() == path.resolve():
         raise LogError(f"Cannot write {out}: it is the log to recover; choose another name with --out.")
-    try:
-        stream = path.open("rb")
-    except OSError as error:
-        raise LogError(describe(error, path, "read")) from None
-    with stream:
-        if not has_magic(stream):
-            raise LogError(f"Cannot read {path}: it does not begin as an MCAP file does; name a log (.mcap).")
+    with LogFile(path) as stream:
         copy = _Copy(out)
         copy.announce(_summary(stream))
         try:
@@ -87,7 +83,7 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
 def _summary(stream: IO[bytes]) -> Summary | None:
     try:
         stream.seek(0)
-        return SeekingReader(stream).get_summary()
+        return SeekingReader(stream, record_size_limit=MOST_RECORD_BYTES).get_summary()
     except Exception:  # without an index; mcap has several errors for that
         return None
 
@@ -96,7 +92,8 @@ class _Copy:
     """The new file."""
 
     def __init__(self, path: Path) -> None:
-        self.file = UnfinishedFile(path, _CHUNK_BYTES, _SUFFIX)
+        # One that a killed recovery left is written anew: the log it was made from is still there.
+        self.file = UnfinishedFile(path, _CHUNK_BYTES, _SUFFIX, takes_over=True)
         self.result = Recovery(path, was_whole=True)
         self._writer = McapWriter(self.file.stream, _CHUNK_BYTES)
         self._topics: dict[int, bag.BagTopic] = {}

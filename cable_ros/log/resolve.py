@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-import yaml
 
 from cable_ros.equilibrium import Equilibrium
+from cable_ros.log.errors import LogError
 from cable_ros.log.events import ENVIRONMENT, RESET, SET, START
-from cable_ros.log.reader import PARAMETERS, LogReader
+from cable_ros.log.reader import PARAMETERS, URDF, LogReader
 from cable_ros.log.run import CLAMPS, Event, Gap, LoggedRun, Solve
-from cable_ros.scene import Scene, load_scene
+from cable_ros.scene import Scene, SceneError, load_scene
 from cable_ros.scene.text import parse_yaml
-from cable_ros.tracker import Tracker
+from cable_ros.tracker import MOST_POINTS, Tracker
+
+_SETTINGS: dict[str, tuple[Any, float, float]] = {
+    "tolerance": ((int, float), 1e-12, 0.1),
+    "polyline_points": (int, 2, MOST_POINTS),
+}
+"""What a log may say of a tracker: the type, the least and the largest."""
 
 
 @dataclass
@@ -90,18 +97,47 @@ class Outcome:
 
 
 def logged_scene(log: LogReader) -> Scene:
-    """The scene that a log holds. Raises LogError or SceneError."""
-    return load_scene(parse_yaml(log.scene_text, f"{log.path}: scene"), urdf=log.urdf_text)
+    """The scene that a log holds, and nothing else: no file that it names is opened.
+
+    Raises: LogError, SceneError.
+    """
+    source = f"{log.path}: scene"
+    values = parse_yaml(log.scene_text, source)
+    if not isinstance(values, dict):
+        raise LogError(f"{source} is no mapping with the fields of a scene; name a scene with --with.")
+    if log.urdf_text is None and "robot" in values:
+        raise LogError(
+            f"{source} names a URDF, and the log holds none (attachment '{URDF}'); name a scene with --with."
+        )
+    return load_scene(values, urdf=log.urdf_text)
 
 
 def logged_tolerance(log: LogReader, default: float = 1e-4) -> float:
-    """The tolerance among the logged parameters."""
-    nodes = yaml.safe_load(log.attachments.get(PARAMETERS, "")) or {}
+    """The tolerance among the logged parameters. Raises LogError where they are damaged."""
+    text = log.attachments.get(PARAMETERS, "")
+    if not text.strip():
+        return default
+    try:
+        nodes = parse_yaml(text, f"{log.path}: {PARAMETERS}")
+    except SceneError as error:
+        raise LogError(f"{error}; the log is damaged.") from None
     for node in nodes.values() if isinstance(nodes, dict) else ():
-        value = node.get("ros__parameters", {}).get("tolerance") if isinstance(node, dict) else None
-        if isinstance(value, float | int):
-            return float(value)
+        parameters = node.get("ros__parameters") if isinstance(node, dict) else None
+        value = parameters.get("tolerance") if isinstance(parameters, dict) else None
+        if isinstance(value, float | int) and not isinstance(value, bool):
+            try:
+                return float(_checked("tolerance", value))
+            except ValueError as error:
+                raise LogError(f"{log.path}: {PARAMETERS}: {error}; the log is damaged.") from None
     return default
+
+
+def _checked(name: str, value: Any) -> Any:
+    """A logged setting that a tracker takes. Raises ValueError for any other."""
+    kind, low, high = _SETTINGS[name]
+    if isinstance(value, kind) and not isinstance(value, bool) and low <= value <= high:
+        return value
+    raise ValueError(f"its {name} is not a number from {low:g} to {high:g}")
 
 
 def resolve(
@@ -113,7 +149,11 @@ def resolve(
     """
     for item in run:
         if isinstance(item, Event):
-            _apply(item, tracker, outcome, own_environment)
+            try:
+                _apply(item, tracker, outcome, own_environment)
+            except (TypeError, ValueError, OverflowError) as error:
+                what = f"{run.name}: the event '{item.kind}' cannot be repeated ({error})"
+                raise LogError(f"{what}; the log is damaged.") from None
         elif isinstance(item, Gap):
             outcome.gaps += item.count
         elif all(name in item.joints for name in tracker.joint_names):
@@ -132,17 +172,22 @@ def _apply(event: Event, tracker: Tracker, outcome: Outcome, own_environment: bo
     if "environment" in event.values and event.kind in (START, ENVIRONMENT):
         if own_environment:
             outcome.environments += 1
+        elif isinstance(environment := event.values["environment"], dict):
+            tracker.set_environment(environment)
         else:
-            tracker.set_environment(event.values["environment"])
+            raise ValueError("its environment is no mapping")
     if event.kind == RESET:
         tracker.reset()
     elif event.kind in (START, SET):
         outcome.fresh &= bool(event.values.get("fresh", True))
         if isinstance(lost := event.values.get("lost"), dict):
-            tracker.distrust(lost)
-        for name in ("tolerance", "polyline_points"):
+            tracker.distrust({str(cable): str(text) for cable, text in lost.items()})
+        for name in _SETTINGS:
             if name in event.values:
-                setattr(tracker, name, event.values[name])
+                setattr(tracker, name, _checked(name, event.values[name]))
+        # What was refused then must be refused again: it did not move the cable.
+        if "joint_limits" in event.values:
+            tracker.joint_limits = str(event.values["joint_limits"])
 
 
 def _ratio(difference: float, scale: float) -> float:

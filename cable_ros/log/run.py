@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,11 +12,12 @@ import numpy as np
 from cable_ros.log.cdr import JOINT_STATE
 from cable_ros.log.errors import LogError
 from cable_ros.log.events import EVENTS, SOLVED_JOINTS, STRING, decode_event
-from cable_ros.log.reader import LoggedTopic, LogReader
+from cable_ros.log.reader import LoggedMessage, LoggedTopic, LogReader
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 PATH = "nav_msgs/msg/Path"
 CLAMPS = ("end", "start")
+_TOPIC = re.compile(r"(?:\w*/)+\w+", re.ASCII)
 
 
 @dataclass
@@ -102,10 +104,7 @@ class LoggedRun:
             for logged, message in log.decoded(topics, as_written=True, raw=tuple(self._polylines)):
                 if logged.topic in self._wrenches:
                     if current is not None:
-                        force, torque = message.wrench.force, message.wrench.torque
-                        current.wrenches[self._wrenches[logged.topic]] = np.array(
-                            [force.x, force.y, force.z, torque.x, torque.y, torque.z]
-                        )
+                        current.wrenches[self._wrenches[logged.topic]] = _read(_wrench, logged, message)
                 elif logged.topic in self._polylines:
                     if current is not None:
                         current.polylines.append(self._polylines[logged.topic])
@@ -113,7 +112,7 @@ class LoggedRun:
                     if current is not None:
                         yield current
                         current = None
-                    values = decode_event(message.data)
+                    values = decode_event(str(getattr(message, "data", "")))
                     yield Event(logged.log_time, str(values.pop("event", "")), values)
                 else:
                     if current is not None:
@@ -121,17 +120,41 @@ class LoggedRun:
                     if self.exact and logged.sequence > next_number > 0:
                         yield Gap(logged.log_time, logged.sequence - next_number)
                     next_number = logged.sequence + 1
-                    # Names and positions of a malformed joint state may differ in number.
-                    known.update(zip(message.name, map(float, message.position), strict=False))
-                    stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+                    joints, stamp = _read(_joint_state, logged, message)
+                    known.update(joints)
                     current = Solve(logged.log_time, stamp, dict(known))
         if current is not None:
             yield current
 
 
+def _wrench(message: Any) -> np.ndarray:
+    force, torque = message.wrench.force, message.wrench.torque
+    return np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z], dtype=float)
+
+
+def _joint_state(message: Any) -> tuple[dict[str, float], int]:
+    # Names and positions of a malformed joint state may differ in number.
+    joints = dict(zip(map(str, message.name), map(float, message.position), strict=False))
+    return joints, int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+
+
+def _read(how: Callable[[Any], Any], logged: LoggedMessage, message: Any) -> Any:
+    """What `how` takes out of a message. Raises LogError where the log's schema has given it other fields."""
+    try:
+        return how(message)
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise LogError(
+            f"A message of {logged.topic} has not the fields of a {logged.type_name} ({error}); leave it out."
+        ) from None
+
+
 def _named(topics: dict[str, LoggedTopic], type_name: str, *last: str) -> list[str]:
+    """Topics of this type with messages whose names end so; those that ROS cannot have are nobody's."""
     return [
         topic.name
         for topic in topics.values()
-        if topic.type_name == type_name and topic.count and topic.name.rpartition("/")[2] in last
+        if topic.type_name == type_name
+        and topic.count
+        and topic.name.rpartition("/")[2] in last
+        and _TOPIC.fullmatch(topic.name)
     ]

@@ -84,6 +84,7 @@ class LogWriter:
         self._bytes_in = 0
         self._bytes_out = 0
         self._stop = threading.Event()
+        self._discarded = False
         self._part = Part(self._base, self._contents, chunk_bytes)
         self._thread = threading.Thread(target=self._run, name="log_writer", daemon=True)
         self._thread.start()
@@ -175,6 +176,12 @@ class LogWriter:
                 f" {RECOVER.format(path=self._part.file.part_path)}."
             )
 
+    def discard(self) -> None:
+        """Stop, and remove the unfinished file; of a split log, those finished before stay."""
+        self._discarded = True
+        self._stop.set()
+        self._thread.join(_CLOSE_SECONDS)
+
     def __enter__(self) -> LogWriter:
         return self
 
@@ -203,6 +210,9 @@ class LogWriter:
         opened = flushed = synced = time.monotonic()
         while True:
             stopping = self._stop.wait(_POLL_SECONDS)
+            if self._discarded:
+                self._part.file.discard()
+                return
             now = time.monotonic()
             old = now - flushed >= self._chunk_seconds
             if old or stopping:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from cable_ros.batch import Batch
 from cable_ros.ros.solve_log import SolveLog
@@ -36,6 +37,9 @@ class BatchLog:
                     self._log.wrenches(cable, batch.end_wrench[i, j], batch.start_wrench[i, j], *times)
                     self._log.polyline(cable, batch.points[i, j], batch.orientations[i, j], *times)
 
-    def close(self) -> None:
-        """Finish the file; raises LogError where it could not be written whole."""
-        self._log.close()
+    def __enter__(self) -> BatchLog:
+        return self
+
+    def __exit__(self, *exc: Any) -> None:
+        """Finish the file, or leave none after an exception; raises LogError where it cannot."""
+        self._log.__exit__(*exc)

@@ -128,6 +128,7 @@ class CableNode(Node):
         if old is not None:
             live.states.carry_on(old.states)
         seconds = live.warm_up()
+        live.joint_limits = self._value("joint_limits")
         # What was made so far lives as long as the scene: the collector need not look at it again.
         gc.unfreeze()
         gc.collect()
@@ -204,6 +205,8 @@ class CableNode(Node):
         if changed := live.environment.apply():
             self._out.event(events.ENVIRONMENT, environment=changed)
         live.solve()
+        if live.tracker.outside:
+            self._note(live.tracker.outside)
         self._out.send(self._solved_joints, live.solved_joints(stamp))
         live.send_loads(self._out.send, stamp, self._joint_load, self._joint_stiffness)
         live.note()
@@ -288,6 +291,7 @@ class CableNode(Node):
             used: dict[str, Any] = {
                 "tolerance": tracker.tolerance,
                 "polyline_points": tracker.polyline_points,
+                "joint_limits": tracker.joint_limits,
             }
             if environment := live.environment.values:
                 used["environment"] = environment
@@ -299,8 +303,9 @@ class CableNode(Node):
 
     def _on_parameters(self, changed: Sequence[Parameter]) -> None:
         for parameter in changed:
-            if parameter.name in ("tolerance", "polyline_points") and self._live:
-                setattr(self._live.tracker, parameter.name, parameter.value)
+            if parameter.name in ("tolerance", "polyline_points", "joint_limits") and self._live:
+                limits = parameter.name == "joint_limits"
+                setattr(self._live if limits else self._live.tracker, parameter.name, parameter.value)
                 self._out.event(events.SET, **{parameter.name: parameter.value})
             elif parameter.name == "log.enabled":
                 if not parameter.value:

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cable_ros.printable import one_line
 from cable_ros.ros.cdr import Reader
+from cable_ros.ros.joint_motion import JointMotion
 
 _NANO = 1_000_000_000
 _STAMP_START = 4
@@ -80,10 +82,12 @@ class JointStates:
     Args:
         needed: names of the joints that the scene needs.
         topic: name of the topic, for the sentences.
+        motion: tells jumps of the needed joints; None: nobody does.
     """
 
     needed: tuple[str, ...]
     topic: str
+    motion: JointMotion | None = None
     counters: Counters = field(default_factory=Counters)
 
     def __post_init__(self) -> None:
@@ -159,6 +163,9 @@ class JointStates:
         layout.last_stamp = self.stamp
         for source, target in layout.places:
             self.positions[target] = positions[source]
+        if self.motion is not None and self.stamp > 0:
+            moved = ((target, positions[source]) for source, target in layout.places)
+            self.fault = self.motion.take(moved, self.stamp) or self.fault
         return True
 
     def _layout(self, data: bytes) -> _Layout:
@@ -194,8 +201,8 @@ class JointStates:
         if count != len(names):
             error = f"has {count} positions for {len(names)} names; there must be one for each"
         elif len(order) != len(names):
-            double = next(name for name in names if names.count(name) > 1)
-            error = f"names '{double}' twice; each joint may be there once"
+            double = next(name for index, name in enumerate(names) if order[name] != index)
+            error = f"names '{one_line(double)}' twice; each joint may be there once"
         for what, length in others.items():
             if length not in (0, len(names)):
                 warning = (

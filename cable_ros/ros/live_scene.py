@@ -12,8 +12,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.joint import joint_load, joint_torque
+from cable_ros.joint_limits import IGNORE
 from cable_ros.ros.cable_outputs import CableOutputs
 from cable_ros.ros.environment import Environment
+from cable_ros.ros.joint_motion import JointMotion
 from cable_ros.ros.joint_states import JointStates
 from cable_ros.ros.markers import CableMarkers
 from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, SolvedJointsMessage
@@ -81,6 +83,16 @@ class LiveScene:
         """Whether the tracker has solved nothing since it was made or reset."""
         self.statuses: tuple[tuple[Status, bool], ...] = ()
         """Of each cable: its status, and whether it overlaps another or itself."""
+
+    @property
+    def joint_limits(self) -> str:
+        """The tracker's; where it is not to ignore them, jumps of joints are told as well."""
+        return self.tracker.joint_limits
+
+    @joint_limits.setter
+    def joint_limits(self, value: str) -> None:
+        self.tracker.joint_limits = value
+        self.states.motion = None if value == IGNORE else JointMotion(self.tracker.limits.joints)
 
     def warm_up(self) -> float:
         """Compile and load everything that a joint state will need; returns the seconds that it took."""

@@ -14,6 +14,7 @@ from rclpy.exceptions import InvalidTopicNameException, ParameterException
 from rclpy.parameter import Parameter
 from rclpy.validate_topic_name import validate_topic_name
 
+from cable_ros.joint_limits import MODES, WARN
 from cable_ros.share import scene_path
 
 if TYPE_CHECKING:
@@ -60,6 +61,12 @@ DECLARATIONS = (
         1e4,
         live=True,
     ),
+    Declaration(
+        "joint_limits",
+        WARN,
+        "Joint values outside the URDF's limits: warn (solved and told), refuse (not solved) or ignore.",
+        live=True,
+    ),
     Declaration("joint_states_topic", "joint_states", "Topic of the joint states."),
     Declaration(
         "robot_description_topic",
@@ -78,8 +85,8 @@ DECLARATIONS = (
     Declaration(
         "log.path",
         "",
-        "The log: a file that does not exist yet (.mcap), or a folder in which each log gets a name with the "
-        "time; empty: ROS's log folder. Takes effect with the next log.",
+        "The log: a file that does not exist yet (.mcap), or a folder that does, in which each log gets a "
+        "name with the time; empty: ROS's log folder. Takes effect with the next log.",
         live=True,
     ),
     Declaration(
@@ -133,6 +140,8 @@ def refusal(entry: Declaration, value: Any) -> str:
             validate_topic_name(value)
         except InvalidTopicNameException:
             return f"Parameter '{entry.name}' is '{value}'; it must be the name of a topic."
+    if entry.name == "joint_limits" and value not in MODES:
+        return f"Parameter 'joint_limits' is '{value}'; it must be {', '.join(MODES[:-1])} or {MODES[-1]}."
     if entry.name == "log.path" and value.endswith(".mcap") and os.path.exists(os.path.expanduser(value)):
         return f"Parameter 'log.path': {value} exists already and logs never overwrite; choose another name."
     return ""

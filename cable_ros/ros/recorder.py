@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 from collections.abc import Iterable, Mapping
@@ -97,6 +98,10 @@ class Recorder:
         """
         self.stop()
         try:
+            if not path.parent.exists():  # a slip in its name would make a folder
+                raise LogError(
+                    f"Cannot write {path}: there is no folder {path.parent}; make it, or name another."
+                )
             self.writer = LogWriter(
                 path,
                 attachments=attachments,
@@ -127,9 +132,13 @@ class Recorder:
 def log_path(wanted: str, node_name: str, default_folder: str) -> Path:
     """The file of the next log: `wanted` itself, or one named after node and time in that folder.
 
-    Numbered where there is such a file: a second log under the same parameters.
+    Numbered where there is such a file: a second log under the same parameters. Only the default folder is
+    made where it is missing.
     """
     path = Path(os.path.expanduser(wanted or default_folder))
+    if not wanted:
+        with contextlib.suppress(OSError):  # told when the log is begun
+            path.mkdir(parents=True, exist_ok=True)
     if path.suffix != ".mcap":
         path /= f"{node_name}_{time.strftime('%Y%m%d-%H%M%S')}.mcap"
     candidate, number = path, 1

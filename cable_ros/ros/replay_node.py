@@ -19,16 +19,20 @@ from typing import Any
 
 import rclpy
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_topic_name import validate_topic_name
 from tqdm import tqdm
 
 from cable_ros.arguments import from_zero
+from cable_ros.log.definitions import TYPE_NAME
 from cable_ros.log.errors import LogError
 from cable_ros.log.qos import qos_from_yaml
 from cable_ros.log.reader import LoggedMessage, LoggedTopic, LogReader
+from cable_ros.printable import one_line
 from cable_ros.ros.lifetime import Lifetime
 
 _CLOCK = "/clock"
@@ -37,6 +41,8 @@ _LOOK_AROUND = 0.1  # s; how often a long pause looks whether it should stop
 _SETTLE = 0.3  # s
 _QUIET = 1.0  # s without another topic's first subscriber
 _NANO = 1_000_000_000
+_MOST_TOPICS = 1000  # each is a publisher
+_LAST_CLOCK = (1 << 31) * _NANO  # ns; builtin_interfaces/Time has four bytes for the seconds
 
 EXAMPLE = """example:
   ros2 run cable_ros cable_replay run.mcap --topics /joint_states --rate 2
@@ -84,17 +90,25 @@ class ReplayNode(Node):
         self._next_clock = -math.inf
 
     def _advertise(self, topic: LoggedTopic) -> None:
+        name, type_name = one_line(topic.name), one_line(topic.type_name)
         try:
+            validate_topic_name(topic.name)
             kind = message_class(topic.type_name)
+        except InvalidTopicNameException:
+            self.get_logger().warning(f"Topic '{name}' is left out: ROS has no topics of such a name.")
+            return
         except (ImportError, AttributeError, ValueError):
-            self.get_logger().warning(
-                f"Topic {topic.name} is left out: its type {topic.type_name} is not installed."
-            )
+            self.get_logger().warning(f"Topic {name} is left out: its type {type_name} is not installed.")
             return
         qos = qos_from_yaml(topic.offered_qos)
+        try:
+            publisher = self.create_publisher(kind, topic.name, qos)
+        except (InvalidTopicNameException, RuntimeError, TypeError, ValueError) as error:  # such as too long
+            self.get_logger().warning(f"Topic {name} is left out: {one_line(str(error))}.")
+            return
         if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             self._latched.add(topic.name)
-        self._publishers_by_topic[topic.name] = self.create_publisher(kind, topic.name, qos)
+        self._publishers_by_topic[topic.name] = publisher
 
     def wait_for_subscribers(self, seconds: float) -> None:
         """Until no further topic finds a subscriber, at most so long: what is sent earlier would be lost.
@@ -187,8 +201,12 @@ class ReplayNode(Node):
 
 def message_class(type_name: str) -> Any:
     """The Python class of 'package/msg/Type'. Raises ImportError, AttributeError or ValueError."""
-    package, _, name = type_name.split("/")
-    return getattr(importlib.import_module(f"{package}.msg"), name)
+    match = TYPE_NAME.fullmatch(type_name)
+    if match is None:  # a log may say anything, and importing runs code
+        raise ValueError(f"'{type_name}' is not a message type")
+    kind = getattr(importlib.import_module(f"{match[1]}.msg"), match[2])
+    kind.get_fields_and_field_types()
+    return kind
 
 
 def window_of(logs: Sequence[LogReader], args: argparse.Namespace) -> Window:
@@ -197,12 +215,16 @@ def window_of(logs: Sequence[LogReader], args: argparse.Namespace) -> Window:
     for topic in args.topics or ():
         if topic not in known:
             raise LogError(f"{logs[0].path} has no topic '{topic}'; it has {', '.join(known) or 'none'}.")
+    if len(args.topics or known) > _MOST_TOPICS:
+        raise LogError(f"{logs[0].path} has {len(known)} topics; name at most {_MOST_TOPICS} with --topics.")
     start, end = min(log.start for log in logs), max(log.end for log in logs) + 1
     if not any(topic.count for log in logs for topic in log.topics.values()):
         raise LogError(f"{logs[0].path} holds no message; there is nothing to replay.")
     begin = start + round(args.start * _NANO)
     if begin >= end:
         raise LogError(f"{logs[0].path} is {(end - start) / _NANO:.3f} s long; take a smaller --start.")
+    if args.clock and end > _LAST_CLOCK:
+        raise LogError(f"{logs[0].path} has times that /clock cannot have; leave --clock out.")
     if args.duration is not None:
         end = min(end, begin + round(args.duration * _NANO))
     return Window(frozenset(args.topics) if args.topics else None, begin, end)

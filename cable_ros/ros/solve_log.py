@@ -87,8 +87,15 @@ class SolveLog:
         if self._writer.error:
             raise LogError(self._writer.error)
 
+    def discard(self) -> None:
+        """Leave no file: what was to be written was interrupted."""
+        self._writer.discard()
+
     def __enter__(self) -> SolveLog:
         return self
 
-    def __exit__(self, *exc: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.discard()

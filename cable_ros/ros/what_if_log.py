@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.log.reader import PARAMETERS, LogReader
@@ -42,5 +43,5 @@ class WhatIfLog:
     def __enter__(self) -> WhatIfLog:
         return self
 
-    def __exit__(self, *exc: object) -> None:
-        self._log.close()
+    def __exit__(self, *exc: Any) -> None:
+        self._log.__exit__(*exc)

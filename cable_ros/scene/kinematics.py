@@ -134,7 +134,7 @@ class _Frames:
         for i, link in enumerate(self.links):
             if link is None:
                 continue
-            carrier = model.getFrameId(link)
+            carrier = model.getFrameId(link, pin.FrameType.BODY)  # a joint may have the same name
             body = model.frames[carrier]
             joint = body.parentJoint if hasattr(body, "parentJoint") else body.parent  # Pinocchio 3, 2
             placement = body.placement * pin.XYZQUATToSE3(self.poses[i])

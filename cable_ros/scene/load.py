@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 import yaml
 
+from cable_ros.scene.caps import MOST_CABLES, MOST_OBSTACLES, MOST_URDF_CHARACTERS
 from cable_ros.scene.errors import SceneError, suggestion
 from cable_ros.scene.influences import CELSIUS, GRAY, read_influence
 from cable_ros.scene.model import EFFECTS, Cable, Mount, Robot, Scene
 from cable_ros.scene.obstacles import read_obstacles
 from cable_ros.scene.section import MILLIMETRES, Section, Size, describe, plain, unit_quaternion
-from cable_ros.scene.text import parse_yaml, read_text
+from cable_ros.scene.text import check_amount, parse_yaml, read_text
 from cable_ros.scene.urdf import link_names
 
 LENGTH = Size("m", 0.01, 100.0, too_high=MILLIMETRES)
@@ -30,13 +31,18 @@ BENDING = Size("N m^2", 1e-6, 1e3, too_high=STIFFNESS.too_high)
 TWIST = Size("rad", -1e4, 1e4)
 FORCE_STIFFNESS = Size("N", 1e-3, 1e12)
 
+GRAVITY = Size("m/s^2", -500.0, 500.0, *["it looks like mm/s^2 or cm/s^2"] * 2)
+
 LINK_REACH = 50.0
 WORLD_REACH = 1e5
 """m; a clamp farther than this from the origin of its link, or of the world, is a slip of units."""
 CHORD_RATIO = 100.0
 """Clamps in one frame that are this many cable lengths apart are a slip of units."""
 SOLID_DENSITY = 1e5
-"""kg/m^3; no solid is as heavy, so a linear density above it is a slip of units."""
+"""kg/m^3; no solid is as heavy, so a linear density above it is a slip of units. A cable's elastic diameter
+may be less than its outside."""
+METAL_DENSITY = 23e3
+"""kg/m^3; no metal is as heavy as that, nor what fills a cable's outer diameter."""
 MOST_NATURAL = 100.0
 """rad; a drum that winds the whole cable through more than this is a slip of units."""
 
@@ -62,6 +68,7 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
         SceneError: one sentence with file, field and remedy.
     """
     if isinstance(scene, Mapping):
+        check_amount(scene, "scene")
         values, path, source = plain(scene), None, "scene"
         text = yaml.safe_dump(_dumpable(values), sort_keys=False, default_flow_style=None)
     else:
@@ -70,12 +77,17 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
         text = read_text(path, source, "a scene in YAML")
         values = parse_yaml(text, source)
     top = Section(values, source, "", _FIELDS)
-    gravity = top.vector("gravity", 3, "[x, y, z] in m/s^2, such as [0, 0, -9.80665]")
+    # A mapping is made by a program, which may well compute with a weight that no planet has.
+    size = GRAVITY if path is not None else None
+    gravity = top.vector("gravity", 3, "[x, y, z] in m/s^2, such as [0, 0, -9.80665]", size)
     robot = _robot(top, path, urdf)
     links = link_names(robot.urdf, robot.source) if robot else None
     cables: list[Cable] = []
-    for i, entry in enumerate(top.items("cables", "a list of cables, see config/space_arm.yaml")):
+    listed = top.items("cables", "a list of cables, see config/space_arm.yaml", MOST_CABLES)
+    for i, entry in enumerate(listed):
         cable = _cable(entry, source, f"cables[{i}]", links)
+        if path is not None:
+            _check_density(cable, source, f"cables[{i}]")
         for j, other in enumerate(cables):
             if other.name == cable.name:
                 raise SceneError(
@@ -85,7 +97,9 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
                 )
         cables.append(cable)
     obstacles = read_obstacles(
-        top.items("obstacles", "a list of obstacles, or leave it out") if "obstacles" in top else [],
+        top.items("obstacles", "a list of obstacles, or leave it out", MOST_OBSTACLES)
+        if "obstacles" in top
+        else [],
         source,
         lambda section: _link(section, links),
         top.choice("cable_radius", ("count", "ignore"), "count") == "count",
@@ -126,7 +140,8 @@ def _effects(top: Section) -> str | tuple[str, ...]:
         place = f"effects[{i}]"
         if name not in EFFECTS:
             hint = suggestion(name, EFFECTS) if isinstance(name, str) else ""
-            top.fail(f"there is no effect '{name}'{hint}; give some of {names}", place)
+            shown = f"'{name}'" if isinstance(name, str) else describe(name)
+            top.fail(f"there is no effect {shown}{hint}; give some of {names}", place)
         if name in value[:i]:
             top.fail(f"'{name}' stands here twice; keep one", place)
     if "friction" in value and "contact" not in value:
@@ -144,9 +159,8 @@ def _robot(top: Section, path: Path | None, urdf: str | None) -> Robot | None:
     file = Path(name).expanduser()
     if path is not None:
         file = path.parent / file
-    return Robot(
-        read_text(file, f"{top.source}: {section.at('urdf')}: {file}", "the robot's URDF"), str(file), file
-    )
+    place = f"{top.source}: {section.at('urdf')}: {file}"
+    return Robot(read_text(file, place, "the robot's URDF", MOST_URDF_CHARACTERS), str(file), file)
 
 
 def _cable(values: Any, source: str, place: str, links: tuple[str, ...] | None) -> Cable:
@@ -211,6 +225,18 @@ def _outer_diameter(section: Section, length: float, diameter: float | None) -> 
             "outer_diameter",
         )
     return outer
+
+
+def _check_density(cable: Cable, source: str, place: str) -> None:
+    """Raise SceneError if a cable of a file is denser than metal; a program may draw numbers at random."""
+    outer, density = cable.outer_diameter, cable.linear_density
+    if outer is not None and density > METAL_DENSITY * math.pi / 4 * outer**2:
+        raise SceneError(
+            source,
+            f"{place}.linear_density",
+            f"{density:g} kg/m in an outer diameter of {outer:g} m would be denser than any metal; "
+            f"{LINEAR_DENSITY.too_high}; give kg/m",
+        )
 
 
 def _natural_strain(section: Section, length: float) -> np.ndarray | None:
@@ -296,7 +322,11 @@ def _link(section: Section, links: tuple[str, ...] | None) -> str | None:
 def _dumpable(values: Any) -> Any:
     """A mapping that YAML can hold, for the scene's text; what is wrong with it is told by the sections."""
     if isinstance(values, Mapping):
-        return {str(key): _dumpable(value) for key, value in values.items()}
+        return {
+            key if isinstance(key, str) else describe(key): _dumpable(value) for key, value in values.items()
+        }
     if isinstance(values, list):
         return [_dumpable(value) for value in values]
+    if isinstance(values, int) and not isinstance(values, bool):
+        return values if abs(values) < 10**20 else describe(values)
     return values if isinstance(values, bool | int | float | str) or values is None else str(values)

@@ -5,17 +5,21 @@ from __future__ import annotations
 import math
 import numbers
 import os
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
 
+from cable_ros.scene.caps import LONGEST_TEXT, MOST_ROWS
 from cable_ros.scene.errors import SceneError, suggestion
 
 MILLIMETRES = "it looks like millimetres"
 UNIT_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1 before it is refused; nearer ones are normalised."""
+
+_CONTROLS = ("Cc", "Cs", "Zl", "Zp")  # Unicode's categories: controls, half characters, line separators
 
 
 @dataclass(frozen=True)
@@ -44,8 +48,9 @@ class Section:
         self.values = values
         for name in values:
             if name not in self.fields:
-                hint = suggestion(str(name), self.fields) or f"; the fields here are {', '.join(self.fields)}"
-                raise SceneError(source, self.at(str(name)), f"there is no such field{hint}")
+                shown = name[:LONGEST_TEXT] if isinstance(name, str) else describe(name)
+                hint = suggestion(shown, self.fields) or f"; the fields here are {', '.join(self.fields)}"
+                raise SceneError(source, self.at(shown), f"there is no such field{hint}")
 
     def at(self, name: str) -> str:
         """Field path of a field of this section."""
@@ -70,6 +75,11 @@ class Section:
         value = self.get(name, remedy)
         if not isinstance(value, str) or not value.strip():
             self.fail(f"must be a text, not {describe(value)}; give {remedy}", name)
+        if len(value) > LONGEST_TEXT:
+            self.fail(f"has {len(value)} characters, more than {LONGEST_TEXT}; give {remedy}", name)
+        control = next((c for c in value if unicodedata.category(c) in _CONTROLS), None)
+        if control is not None:
+            self.fail(f"holds the control character {control!r}; give {remedy}", name)
         return value
 
     def number(self, name: str, remedy: str, size: Size | None = None) -> float:
@@ -85,11 +95,13 @@ class Section:
         out.setflags(write=False)
         return out
 
-    def items(self, name: str, remedy: str) -> list[Any]:
-        """A non-empty list."""
+    def items(self, name: str, remedy: str, most: int = MOST_ROWS) -> list[Any]:
+        """A list of one to `most` entries."""
         value = plain(self.get(name, remedy))
         if not isinstance(value, list) or not value:
             self.fail(f"must be a list with at least one entry, not {describe(value)}; give {remedy}", name)
+        if len(value) > most:
+            self.fail(f"has {len(value)} entries; give at most {most}", name)
         return value
 
     def choice(self, name: str, words: Sequence[str], default: str) -> str:
@@ -126,9 +138,12 @@ class Section:
     def _check(self, value: Any, name: str, remedy: str, size: Size | None) -> float:
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             self.fail(f"must be a number, not {describe(value)}; give {remedy}", name)
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:  # an integer
+            number = math.inf
         if not math.isfinite(number):
-            self.fail(f"must be finite, not {number}; give {remedy}", name)
+            self.fail(f"must be finite, not {describe(value)}; give {remedy}", name)
         if size is None:
             return number
         unit = f" {size.unit}" if size.unit else ""
@@ -182,4 +197,8 @@ def describe(value: Any) -> str:
         return "a mapping"
     if isinstance(value, list | tuple | np.ndarray):
         return f"a list of {len(value)}"
+    if isinstance(value, int) and abs(value) >= 10**20:
+        size = abs(value)  # Python writes no integers of more than 4300 digits
+        digits = len(str(size)) if size < 10**4000 else math.floor(math.log10(size)) + 1
+        return f"an integer of {digits} digits"
     return f"{value}"

@@ -4,35 +4,22 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
+from cable_ros.scene.caps import FARTHEST_ORIGIN, MOST_MOVING
 from cable_ros.scene.errors import SceneError
+from cable_ros.scene.urdf_tree import check_tree, link_of, parse
 
 _MOVING = ("revolute", "continuous", "prismatic")
-
-
-def _parse(urdf: str, source: str) -> ET.Element:
-    try:
-        root = ET.fromstring(urdf.strip())
-    except ET.ParseError as error:
-        raise SceneError(source, "", f"this is not the XML of a URDF ({error})") from None
-    if "xacro" in urdf and any("xacro" in str(element.tag) for element in root.iter()):
-        raise SceneError(source, "", "this is a xacro file; expand it first: xacro FILE > robot.urdf")
-    if root.tag != "robot":
-        raise SceneError(source, "", f"its root element is <{root.tag}>; give a URDF, whose root is <robot>")
-    return root
 
 
 def link_names(urdf: str, source: str) -> tuple[str, ...]:
     """Names of the robot's links, as the URDF lists them; `source` names it in messages.
 
     Raises:
-        SceneError: not a URDF, or one without links.
+        SceneError: not a URDF, or one that is not a tree of named links and joints.
     """
-    names = tuple(link.get("name", "") for link in _parse(urdf, source).findall("link"))
-    if not names:
-        raise SceneError(source, "", "this URDF has no links")
-    return names
+    return check_tree(parse(urdf, source), source)
 
 
 def chains(urdf: str, source: str, links: Iterable[str]) -> str:
@@ -42,48 +29,46 @@ def chains(urdf: str, source: str, links: Iterable[str]) -> str:
     turns. The links must be in the URDF.
 
     Raises:
-        SceneError: a joint on the way is of a kind that has no single angle or stroke, mimics another,
-            or the joints do not form a tree with one root.
+        SceneError: a joint on the way is of a kind that has no single angle or stroke, or mimics another, or
+            the URDF is no tree.
     """
-    root = _parse(urdf, source)
-    parent_joint: dict[str, ET.Element] = {}
-    for joint in root.findall("joint"):
-        name = joint.get("name", "")
-        child = _link_of(joint, "child", source)
-        if child in parent_joint:
-            other = parent_joint[child].get("name", "")
-            raise SceneError(source, f"joint '{name}'", f"link '{child}' already hangs on joint '{other}'")
-        parent_joint[child] = joint
-
+    root = parse(urdf, source)
+    check_tree(root, source)
+    parent_joint = {link_of(joint, "child", source): joint for joint in root.findall("joint")}
     out = ET.Element("robot", name="chains")
     kept: dict[str, None] = {}
-    roots: set[str] = set()
     for link in links:
         chain: list[str] = [link]
         while chain[-1] in parent_joint:
-            chain.append(_link_of(parent_joint[chain[-1]], "parent", source))
-            if len(chain) > len(parent_joint) + 1:
-                raise SceneError(source, f"link '{link}'", "its joints form a ring, not a tree")
-        roots.add(chain[-1])
+            chain.append(link_of(parent_joint[chain[-1]], "parent", source))
         kept.update(dict.fromkeys(reversed(chain)))
-    if len(roots) > 1:
-        raise SceneError(
-            source, "", f"no joints connect the links {', '.join(sorted(roots))}; a URDF has one root"
-        )
     for link in kept:
         ET.SubElement(out, "link", name=link)
-    for link in kept:
-        if link in parent_joint:
-            out.append(_bare_joint(parent_joint[link], source))
+    joints = [parent_joint[link] for link in kept if link in parent_joint]
+    moving = sum(joint.get("type") != "fixed" for joint in joints)
+    if moving > MOST_MOVING:
+        raise SceneError(
+            source, "", f"{moving} joints move the clamps and obstacles, more than {MOST_MOVING}; fix some"
+        )
+    for joint in joints:
+        out.append(_bare_joint(joint, source))
     return ET.tostring(out, encoding="unicode")
 
 
-def _link_of(joint: ET.Element, end: str, source: str) -> str:
-    element = joint.find(end)
-    name = element.get("link") if element is not None else None
-    if not name:
-        raise SceneError(source, f"joint '{joint.get('name', '')}'", f"it has no {end} link")
-    return name
+def joint_elements(urdf: str, source: str) -> dict[str, ET.Element]:
+    """The URDF's joints by name. Raises SceneError where it is no URDF."""
+    return {joint.get("name", ""): joint for joint in parse(urdf, source).findall("joint")}
+
+
+def number_of(given: Mapping[str, str], key: str, default: float, source: str, place: str) -> float:
+    """A number among the attributes of an element; it may be infinite. Raises SceneError for another text."""
+    try:
+        number = float(given.get(key, default))
+    except ValueError:
+        number = math.nan
+    if math.isnan(number):
+        raise SceneError(source, place, f"its {key} limit '{given[key]}' is not a number")
+    return number
 
 
 def _bare_joint(joint: ET.Element, source: str) -> ET.Element:
@@ -101,11 +86,18 @@ def _bare_joint(joint: ET.Element, source: str) -> ET.Element:
         )
     bare = ET.Element("joint", name=name, type="prismatic" if kind == "prismatic" else "revolute")
     for end in ("parent", "child"):
-        ET.SubElement(bare, end, link=_link_of(joint, end, source))
+        ET.SubElement(bare, end, link=link_of(joint, end, source))
     origin = joint.find("origin")
     if origin is not None:
         for key in ("xyz", "rpy"):
-            _triple(origin, key, "0 0 0", source, place)
+            triple = _triple(origin, key, "0 0 0", source, place)
+            if max(map(abs, triple)) > FARTHEST_ORIGIN:
+                unit = "millimetres; give metres" if key == "xyz" else "something else than radians"
+                raise SceneError(
+                    source,
+                    place,
+                    f"its {key} '{origin.get(key)}' is beyond {FARTHEST_ORIGIN:g}; it looks like {unit}",
+                )
         bare.append(origin)
     if kind == "fixed":
         bare.set("type", "fixed")
@@ -113,8 +105,9 @@ def _bare_joint(joint: ET.Element, source: str) -> ET.Element:
     axis = joint.find("axis")
     direction = _triple(axis, "xyz", "1 0 0", source, place)
     norm = math.hypot(*direction)
-    if norm == 0:
-        raise SceneError(source, place, "its axis is zero; give a direction such as 0 0 1")
+    if not 1e-9 < norm < 1e9:
+        size = f"{norm:g} long" if norm else "zero"
+        raise SceneError(source, place, f"its axis is {size}; give a direction such as 0 0 1")
     ET.SubElement(bare, "axis", xyz=" ".join(repr(v / norm) for v in direction))
     ET.SubElement(bare, "limit", lower="-1e9", upper="1e9", effort="1e9", velocity="1e9")
     return bare

@@ -7,7 +7,7 @@ import csv
 import numpy as np
 import pytest
 
-from cable_ros import Tracker, load_scene
+from cable_ros import Tracker, batch, load_scene
 from cable_ros.cli.main import main
 from cable_ros.cli.sweep import grid, same_branch
 from cable_ros.scene import vary
@@ -103,7 +103,7 @@ def test_an_installed_scene_needs_no_path(tmp_path, monkeypatch, capsys):
     assert "1 CONVERGED; 1 process," in capsys.readouterr().out
     # one beside the user comes first
     (tmp_path / "space_arm.yaml").write_text("")
-    assert main(["sweep", "space_arm.yaml", "--joint", "orientation=0", "--out", "arm.csv"]) == 2
+    assert main(["sweep", "space_arm.yaml", "--joint", "orientation=0", "--out", "other.csv"]) == 2
     assert "the file is empty" in capsys.readouterr().err
 
 
@@ -123,3 +123,31 @@ def test_variants_start_on_the_branch_of_the_first(fixed):
     assert second.cables[0].total_twist == Tracker(scene).solve({})["strip"].total_twist
     hinted = [vary(one, {"total_twist": 1.0}) for one in scenes]
     assert [one.cables[0].total_twist for one in same_branch(hinted, np.empty(0))] == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
+def test_nothing_is_overwritten(tmp_path, capsys, suffix):
+    if suffix != ".csv":
+        pytest.importorskip("pyarrow" if suffix == ".parquet" else "rclpy")
+    out = tmp_path / f"arm{suffix}"
+    out.write_text("mine")
+    assert main(["sweep", ARM, "--joint", "orientation=0", "--out", str(out)]) == 2
+    assert "it exists already and is not overwritten; choose another name" in capsys.readouterr().err
+    assert out.read_text() == "mine"
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
+def test_an_interrupted_sweep_leaves_no_file(tmp_path, monkeypatch, capsys, suffix):
+    if suffix != ".csv":
+        pytest.importorskip("pyarrow" if suffix == ".parquet" else "rclpy")
+    whole = batch.solve_paths
+
+    def interrupted(*arguments):
+        yield next(whole(*arguments))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(batch, "solve_paths", interrupted)
+    out = tmp_path / f"arm{suffix}"
+    assert main(["sweep", ARM, "--joint", "orientation=0:1:0.5", "--out", str(out)]) == 130
+    assert list(tmp_path.iterdir()) == []
+    assert "interrupted" in capsys.readouterr().err

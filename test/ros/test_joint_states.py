@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
+from cable_ros.joint_limits import JointLimit
+from cable_ros.ros.joint_motion import JointMotion
 from cable_ros.ros.joint_states import JointStates, LostMessages
 
 
@@ -127,3 +129,29 @@ def test_counting_goes_on_in_another_scene(states):
     other.carry_on(states)
     other.take(message(["wrist"], [1.0]), 4)
     assert (other.counters.received, other.counters.lost) == (2, 2)
+
+
+def test_names_are_told_escaped() -> None:
+    states = JointStates(("elbow",), "/joint_states")
+    assert not states.take(message(["x\x1b[31m", "elbow", "x\x1b[31m"], [1.0, 2.0, 3.0]))
+    assert "names 'x\\x1b[31m' twice" in states.fault
+
+
+def test_jumps_are_told_from_each_joints_own_last_position() -> None:
+    limits = [JointLimit("shoulder", "rad", velocity=1.0), JointLimit("elbow", "rad")]
+    states = JointStates(("shoulder", "elbow"), "/joint_states", JointMotion(limits))
+    second = 1_000_000_000
+
+    def told(names: list[str], positions: list[float], stamp: int) -> str:
+        assert states.take(message(names, positions, stamp=stamp))
+        return states.fault
+
+    assert told(["shoulder", "elbow"], [0.0, 0.0], second) == ""
+    # Another publisher's messages in between neither hide nor make a jump; without a limit there is none.
+    assert told(["elbow"], [9.0], 2 * second) == ""
+    assert told(["shoulder"], [1.5], 3 * second) == ""
+    assert told(["elbow"], [0.0], 3 * second + 1) == ""
+    assert "Joint 'shoulder' went 1.5 rad in 1 s" in told(["shoulder"], [0.0], 4 * second)
+    # Stamps that go back begin anew.
+    assert "went back" in told(["shoulder"], [3.0], 2 * second)
+    assert told(["shoulder"], [3.1], 2 * second + second // 10) == ""

@@ -103,7 +103,8 @@ def test_a_full_disk_ends_the_log_and_not_the_node(small_disk, tmp_path):
         robot.set_parameter("log.path", str(tmp_path / "other.mcap"))
         assert robot.trigger("start_log").success
         robot.move(0.0)
-        robot.stop()
+        output = robot.stop()
+    assert output.count("the disk is full; free some space") == 1  # a line of the node's log, once
     with LogReader(tmp_path / "saved.mcap") as log:
         sequences = [message.sequence for message in log.messages([f"{CABLE}/end_wrench"])]
         assert sequences == list(range(len(sequences)))
@@ -129,6 +130,18 @@ def test_a_folder_that_cannot_be_written_leaves_the_node_publishing(tmp_path):
         robot.stop()
     with LogReader(tmp_path / "run.mcap") as log:
         assert log.topics[f"{CABLE}/end_wrench"].count == 1
+
+
+def test_a_slip_in_the_name_of_a_folder_makes_none(tmp_path):
+    wrong = tmp_path / "run.mcpa"
+    with Robot(log__enabled="true", log__path=wrong) as robot:
+        robot.wait(lambda: log_level(robot) == DiagnosticStatus.ERROR)
+        assert f"there is no folder {wrong}; make it" in robot.diagnostics["cable_node: log"].message
+        assert not robot.trigger("start_log").success
+        wrong.mkdir()
+        assert robot.trigger("start_log").success
+        robot.stop()
+    assert [path.suffix for path in wrong.iterdir()] == [".mcap"]
 
 
 def log_level(robot):

@@ -12,7 +12,9 @@ from pathlib import Path
 
 import pytest
 from log_samples import JOINT_STATE, JOINTS, START, WRENCH, WRENCH_STAMPED, joint_state, wrench
+from mcap.writer import Writer
 
+from cable_ros.log.definitions import message_definition
 from cable_ros.log.reader import LogReader
 from cable_ros.log.writer import LogWriter
 
@@ -169,3 +171,39 @@ def test_a_log_that_was_cut_off_names_the_remedy(log_path, tmp_path):
     _, errors = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 2
     assert f"cable log recover {cut}" in errors
+
+
+def test_topics_that_ros_cannot_have_are_left_out(tmp_path):
+    path = tmp_path / "odd.mcap"
+    text = message_definition(JOINT_STATE).encode()
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2", library="a test")
+        kinds = {
+            kind: writer.register_schema(kind, "ros2msg", text) for kind in (JOINT_STATE, "os.path/msg/Join")
+        }
+        topics = {"/a b": JOINT_STATE, "/x\x1b[31m": JOINT_STATE, "//": JOINT_STATE, "": JOINT_STATE}
+        topics |= {"/" + "long" * 500: JOINT_STATE, "/code": "os.path/msg/Join", JOINTS: JOINT_STATE}
+        for topic, kind in topics.items():
+            damaged = {"offered_qos_profiles": "- {[ damaged"}
+            channel = writer.register_channel(topic, "cdr", kinds[kind], damaged)
+            writer.add_message(channel, START, joint_state(0.1), START)
+        writer.finish()
+    with listening({JOINTS: JOINT_STATE}) as listener:
+        errors = finish(listener, replay(path))
+        assert len(listener.heard[JOINTS]) == 1
+    assert "Traceback" not in errors
+    assert "\x1b[31m" not in errors
+    for name in ("/a b", "/x\\x1b[31m", "//"):
+        assert f"Topic '{name}' is left out: ROS has no topics of such a name" in errors
+    assert "Topic /code is left out: its type os.path/msg/Join is not installed" in errors
+
+
+def test_times_that_no_clock_has(tmp_path):
+    path = tmp_path / "late.mcap"
+    with LogWriter(path) as log:
+        log.write(JOINTS, JOINT_STATE, joint_state(0.1), (1 << 63) - 1)
+    process = replay(path, ["--clock"])
+    _, errors = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 2
+    assert "has times that /clock cannot have; leave --clock out" in errors

@@ -99,7 +99,7 @@ def test_scene_is_frozen_down_to_its_arrays() -> None:
 def test_mapping_with_numpy_and_text_that_loads_again(tmp_path: Path) -> None:
     mapping = scene(
         cable(stiffness=np.array([1e-6, 2.5e-6, 1e-7]), length=np.float64(0.1), total_twist=-1 / 3),
-        gravity=(0, 0.1 + 0.2, -12843.0),
+        gravity=(0, 0.1 + 0.2, -128.43),
     )
     mapping["cables"][0]["end"]["position"] = np.array([0.05, 0, 1e-17])
     first = load_scene(mapping)

@@ -1,0 +1,40 @@
+"""Tells jumps of joints: between two stamps they went farther than their velocity limits allow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from cable_ros.joint_limits import JointLimit
+
+
+class JointMotion:
+    """Where each joint was last, and when.
+
+    Args:
+        limits: of the joints that the scene needs, in their order.
+    """
+
+    def __init__(self, limits: Sequence[JointLimit]) -> None:
+        self._limits = limits
+        self._velocities = [limit.velocity for limit in limits]
+        self._last = [(math.nan, 0)] * len(limits)
+
+    def take(self, positions: Iterable[tuple[int, float]], stamp: int) -> str:
+        """A sentence about the joint that jumped, or an empty text.
+
+        Args:
+            positions: index among the joints, and position, rad or m, of those that a message has.
+            stamp: of the message, ns. Times that go back begin anew.
+        """
+        told = ""
+        for index, position in positions:
+            before, since = self._last[index]
+            self._last[index] = position, stamp
+            # Only the joint that may have jumped is asked: most do not, at a thousand messages in a second.
+            if (
+                0 < since < stamp
+                and abs(position - before) > self._velocities[index] * (stamp - since) * 1e-9
+            ):
+                told = self._limits[index].too_fast(position - before, (stamp - since) * 1e-9) or told
+        return told
