@@ -50,6 +50,9 @@ NORMAL, TANGENTIAL = 1e4, 1e6
 """Scales of the projections of normal force and friction, EI / L^3."""
 STEP = 0.5 * FRICTION_STEP
 """Longest step, lengths."""
+FADING = 0.95
+"""An estimated error is no less than so much of the last step's: where contacts stand between places it may
+be nothing by chance."""
 CORNER = 0.02
 """Part of the longest step by which the twin may lag: a path that turns back must not be cut short."""
 SOFT = 1e-5
@@ -159,7 +162,7 @@ class NodalRod(Rod):
         self.twin: NodalRod | None = None
         self.tried = 0  # trials that found no exact equilibrium beside it, see `handover.exact`
         self.follows = False  # whether it is a twin, which takes the other's steps
-        self._estimate, self._floor = np.inf, 0.0
+        self._estimate = np.inf
         self._size = 0, 0
         self.frames = np.zeros((elements + 1, count, 3))
         self.frames[:] = FIRST
@@ -289,7 +292,6 @@ class NodalRod(Rod):
             return 0
         code, iterations, _, _ = twin.advance(twin.state.q, twin.state.F[-1], qe, re, f, 0.0, 0.6, obstacles)
         if code != compiled.ADVANCED:
-            self._floor = self._estimate
             self.pair()
             return iterations
         self._compare(twin)
@@ -308,7 +310,8 @@ class NodalRod(Rod):
         lone = float(self.state.lam[:, alone].max(initial=0.0))
         lever = np.array([0.0, 0.0, 0.0, 0.25 * lone / self.cells, 0.0, 0.0])
         error = max(relative_change(change, mine, self.least), relative_change(lever, mine, self.least))
-        self._estimate = max(float(error), self._floor)
+        before = FADING * self._estimate if np.isfinite(self._estimate) else 0.0
+        self._estimate = max(float(error), before)
 
     def _solve(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, drag: float,
