@@ -18,8 +18,9 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from cable_ros.log import events
@@ -77,7 +78,8 @@ class CableNode(Node):
         )
         self._diagnostics = Outlet.create(self, DiagnosticArray, "/diagnostics", _DIAGNOSTICS)
         self._joint_load = Outlet.create(self, JointState, "~/joint_load", STREAM)
-        self._joint_stiffness = Outlet.create(self, Float64MultiArray, "~/joint_stiffness", STREAM)
+        self._joint_stiffness = Outlet.create(self, JointTrajectory, "~/joint_stiffness", STREAM)
+        self._status = Outlet.create(self, DiagnosticArray, "~/status", STREAM)
         self._markers = Outlet.create(self, MarkerArray, "~/markers", _MARKERS)
         solved_joints = self.resolve_topic_name(f"~/{events.SOLVED_JOINTS}")
         self._solved_joints = Outlet(solved_joints, type_name(JointState), STREAM, None)
@@ -124,7 +126,9 @@ class CableNode(Node):
         if old is not None:
             old.destroy(self)
         frame = self._value("world_frame") or world_frame(scene.robot)
-        live = LiveScene(self, scene, tracker, self._joint_states.topic, frame, self._note)
+        live = LiveScene(
+            self, scene, tracker, self._joint_states.topic, frame, self._health.hardware_id, self._note
+        )
         if old is not None:
             live.states.carry_on(old.states)
         seconds = live.warm_up()
@@ -206,6 +210,7 @@ class CableNode(Node):
         live.solve()
         self._out.send(self._solved_joints, live.solved_joints(stamp))
         live.send_loads(self._out.send, stamp, self._joint_load, self._joint_stiffness)
+        self._out.send(self._status, live.status(stamp))
         live.note()
         if self._is_time_for("polylines", self._value("polyline_rate")):
             live.send_polylines(self._out.send, stamp)
@@ -254,7 +259,7 @@ class CableNode(Node):
             self._health.log(self._out.recorder),
         ]
         if live is not None:
-            entries += live.entries(name, self._health.hardware_id)
+            entries += live.entries(name)
         self._out.send(self._diagnostics, serialise(diagnostics(self._now(), entries)))
         self._report_time = time.monotonic()
 
@@ -275,7 +280,7 @@ class CableNode(Node):
     def _outlets(self) -> list[Outlet]:
         """Every topic that a log may hold."""
         own = [self._joint_states, self._solved_joints, self._diagnostics]
-        own += [self._joint_load, self._joint_stiffness, self._markers]
+        own += [self._joint_load, self._joint_stiffness, self._status, self._markers]
         cables = self._live.cables.values() if self._live else ()
         return [*own, *(outlet for cable in cables for outlet in cable.outlets)]
 

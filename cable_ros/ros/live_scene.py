@@ -19,6 +19,7 @@ from cable_ros.ros.markers import CableMarkers
 from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, SolvedJointsMessage
 from cable_ros.ros.obstacle_markers import ObstacleMarkers
 from cable_ros.ros.recorder import Outlet
+from cable_ros.ros.status_message import StatusMessage
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.model import Scene
 from cable_ros.share import share_file
@@ -50,6 +51,7 @@ class LiveScene:
         tracker: of that scene.
         topic: of the joint states, for sentences.
         world_frame: frame of what has no link.
+        hardware_id: of the entries in diagnostics and status.
         note: called with a sentence about an input that can't be used.
     """
 
@@ -60,11 +62,13 @@ class LiveScene:
         tracker: Tracker,
         topic: str,
         world_frame: str,
+        hardware_id: str,
         note: Callable[[str], None],
     ) -> None:
         self.scene = scene
         self.tracker = tracker
         self.world_frame = world_frame
+        self.hardware_id = hardware_id
         self.states = JointStates(tracker.joint_names, topic)
         self.environment = Environment(node, scene, tracker, note)
         self.cables = {
@@ -73,7 +77,8 @@ class LiveScene:
         }
         self._solved = SolvedJointsMessage(tracker.joint_names)
         self._load = JointLoadMessage(tracker.joint_names) if tracker.joint_names else None
-        self._stiffness = JointStiffnessMessage(len(tracker.joint_names)) if tracker.joint_names else None
+        self._stiffness = JointStiffnessMessage(tracker.joint_names) if tracker.joint_names else None
+        self._status = StatusMessage([cable.name for cable in scene.cables], hardware_id)
         self._markers: dict[str, CableMarkers] = {}
         self._obstacles = ObstacleMarkers(scene, world_frame) if scene.obstacles else None
         self.equilibria: dict[str, Equilibrium] = {}
@@ -135,7 +140,11 @@ class LiveScene:
             send(load, self._load.fill(stamp, self.states.positions, torque))
             if stiffness.wanted():
                 derivative = joint_load(self.tracker, self.equilibria, joints).stiffness
-                send(stiffness, self._stiffness.fill(derivative))
+                send(stiffness, self._stiffness.fill(stamp, derivative))
+
+    def status(self, stamp: int) -> bytes:
+        """Whether what was sent for the last solve can be trusted."""
+        return self._status.fill(stamp, self.equilibria)
 
     def send_polylines(self, send: Send, stamp: int) -> None:
         """Send the polyline of every cable whose numbers are trusted."""
@@ -163,7 +172,7 @@ class LiveScene:
             if markers is None or markers.count != count:
                 self._markers[cable.name] = CableMarkers(cable, self.world_frame, count)
 
-    def entries(self, prefix: str, hardware_id: str) -> list[DiagnosticStatus]:
+    def entries(self, prefix: str) -> list[DiagnosticStatus]:
         """The diagnostics of every cable."""
         left_out = self.tracker.left_out
         out = []
@@ -171,7 +180,7 @@ class LiveScene:
             also: dict[str, object] = dict(self.environment.of(name))
             if effects := left_out.get(name):
                 also["effects left out"] = ", ".join(effects)
-            out.append(cable.status(prefix, hardware_id, also))
+            out.append(cable.status(prefix, self.hardware_id, also))
         return out
 
     def attachments(self, parameters: str) -> Mapping[str, str]:
