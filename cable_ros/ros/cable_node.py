@@ -27,7 +27,8 @@ from cable_ros.log import events
 from cable_ros.ros import parameters
 from cable_ros.ros.cable_outputs import LATCHED, STREAM
 from cable_ros.ros.cdr import serialise
-from cable_ros.ros.frames import tf_static, tf_static_outlet, world_frame
+from cable_ros.ros.frame_names import Frames, root_frame
+from cable_ros.ros.frames import tf_static, tf_static_outlet
 from cable_ros.ros.health import Health
 from cable_ros.ros.inlet import Inlet, Message
 from cable_ros.ros.lifetime import Lifetime
@@ -61,7 +62,7 @@ class CableNode(Node):
         super().__init__("cable_node")
         parameters.declare(self)
         self._scene_path = parameters.scene_file(self._value("scene"))
-        self._health = Health(self.get_name(), str(self._scene_path))
+        self._health = Health(self.get_fully_qualified_name(), str(self._scene_path))
         self._out = Outbox(self)
         self._live: LiveScene | None = None
         self._urdf: str | None = None
@@ -125,9 +126,9 @@ class CableNode(Node):
         old, self._live = self._live, None
         if old is not None:
             old.destroy(self)
-        frame = self._value("world_frame") or world_frame(scene.robot)
+        frames = Frames(self._value("frame_prefix"), self._value("world_frame") or root_frame(scene.robot))
         live = LiveScene(
-            self, scene, tracker, self._joint_states.topic, frame, self._health.hardware_id, self._note
+            self, scene, tracker, self._joint_states.topic, frames, self._health.hardware_id, self._note
         )
         if old is not None:
             live.states.carry_on(old.states)
@@ -252,14 +253,14 @@ class CableNode(Node):
             self._report()
 
     def _report(self) -> None:
-        live, name = self._live, self.get_name()
+        live = self._live
         publishers = self.count_publishers(self._joint_states.topic)
         entries = [
             self._health.joint_states(live.states if live else None, self._waiting, publishers),
             self._health.log(self._out.recorder),
         ]
         if live is not None:
-            entries += live.entries(name)
+            entries += live.entries(self._health.name)
         self._out.send(self._diagnostics, serialise(diagnostics(self._now(), entries)))
         self._report_time = time.monotonic()
 
@@ -285,7 +286,7 @@ class CableNode(Node):
         return [*own, *(outlet for cable in cables for outlet in cable.outlets)]
 
     def _start_log(self) -> None:
-        path = log_path(self._value("log.path"), self.get_name(), str(get_logging_directory()))
+        path = log_path(self._value("log.path"), self._health.name, str(get_logging_directory()))
         settings = {name: self._value(f"log.{name}") for name in ("max_size", "max_duration", "queue_size")}
         texts = self._live.attachments(parameters.as_text(self)) if self._live else {}
         if self._out.start_log(path, settings, texts, self._outlets()) and (live := self._live):

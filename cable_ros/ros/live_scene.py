@@ -14,6 +14,7 @@ from cable_ros.equilibrium import Equilibrium
 from cable_ros.joint import joint_load, joint_torque
 from cable_ros.ros.cable_outputs import CableOutputs
 from cable_ros.ros.environment import Environment
+from cable_ros.ros.frame_names import Frames
 from cable_ros.ros.joint_states import JointStates
 from cable_ros.ros.markers import CableMarkers
 from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, SolvedJointsMessage
@@ -50,7 +51,7 @@ class LiveScene:
         scene: what there is.
         tracker: of that scene.
         topic: of the joint states, for sentences.
-        world_frame: frame of what has no link.
+        frames: names of the frames.
         hardware_id: of the entries in diagnostics and status.
         note: called with a sentence about an input that can't be used.
     """
@@ -61,26 +62,25 @@ class LiveScene:
         scene: Scene,
         tracker: Tracker,
         topic: str,
-        world_frame: str,
+        frames: Frames,
         hardware_id: str,
         note: Callable[[str], None],
     ) -> None:
         self.scene = scene
         self.tracker = tracker
-        self.world_frame = world_frame
+        self.frames = frames
         self.hardware_id = hardware_id
         self.states = JointStates(tracker.joint_names, topic)
         self.environment = Environment(node, scene, tracker, note)
         self.cables = {
-            cable.name: CableOutputs(node, cable, world_frame, tracker.polyline_points)
-            for cable in scene.cables
+            cable.name: CableOutputs(node, cable, frames, tracker.polyline_points) for cable in scene.cables
         }
         self._solved = SolvedJointsMessage(tracker.joint_names)
         self._load = JointLoadMessage(tracker.joint_names) if tracker.joint_names else None
         self._stiffness = JointStiffnessMessage(tracker.joint_names) if tracker.joint_names else None
         self._status = StatusMessage([cable.name for cable in scene.cables], hardware_id)
         self._markers: dict[str, CableMarkers] = {}
-        self._obstacles = ObstacleMarkers(scene, world_frame) if scene.obstacles else None
+        self._obstacles = ObstacleMarkers(scene, frames.world) if scene.obstacles else None
         self.equilibria: dict[str, Equilibrium] = {}
         self.fresh = True
         """Whether the tracker has solved nothing since it was made or reset."""
@@ -170,7 +170,7 @@ class LiveScene:
         for cable in self.scene.cables:
             markers = self._markers.get(cable.name)
             if markers is None or markers.count != count:
-                self._markers[cable.name] = CableMarkers(cable, self.world_frame, count)
+                self._markers[cable.name] = CableMarkers(cable, self.frames.world, count)
 
     def entries(self, prefix: str) -> list[DiagnosticStatus]:
         """The diagnostics of every cable."""

@@ -135,10 +135,10 @@ def diagnostics(stamp: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticA
     return message
 
 
-def clamp_transform(frame_id: str, world_frame: str, mount: Mount) -> TransformStamped:
-    """Where a clamp's frame lies in its link, or in the world: constant."""
+def clamp_transform(frame_id: str, parent: str, mount: Mount) -> TransformStamped:
+    """Where a clamp's frame lies in that of its link, or of the world: constant."""
     message = TransformStamped(child_frame_id=frame_id)
-    message.header.frame_id = mount.link or world_frame
+    message.header.frame_id = parent
     translation, rotation = message.transform.translation, message.transform.rotation
     translation.x, translation.y, translation.z = (float(value) for value in mount.position)
     rotation.x, rotation.y, rotation.z, rotation.w = (float(value) for value in mount.orientation)

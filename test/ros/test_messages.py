@@ -134,7 +134,9 @@ def test_events():
 def test_clamp_frames():
     rng = np.random.default_rng(4)
     mounts = [Mount(rng.normal(size=3), rng.normal(size=4), link) for link in (None, "turret", "ab")]
-    transforms = [messages.clamp_transform(f"clamp_{i}", "base", mount) for i, mount in enumerate(mounts)]
+    transforms = [
+        messages.clamp_transform(f"clamp_{i}", mount.link or "base", mount) for i, mount in enumerate(mounts)
+    ]
     assert [transform.header.frame_id for transform in transforms] == ["base", "turret", "ab"]
     # tf2_msgs is not among the wheels; a TFMessage is nothing but a sequence of these. One alone, at the
     # offset 0 that it has in a message of its own, must be rclpy's; several must follow one another.
