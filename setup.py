@@ -16,6 +16,10 @@ ROS_JAZZY = [
     "ros-ament-index-python==1.8.1",
 ]
 
+# What the tests import. colcon runs pytest where the extra "test" has it, and otherwise unittest, which
+# finds no test and is content.
+TEST = ["pytest>=7.4", "pytest-timeout", "hypothesis"]
+
 setup(
     name=PACKAGE,
     version="0.1.0",
@@ -39,10 +43,9 @@ setup(
         "robot": ["pin"],
         "plot": ["matplotlib"],
         "parquet": ["pyarrow"],
+        "test": TEST,
         "dev": [
-            "pytest>=7.4",
-            "pytest-timeout",
-            "hypothesis",
+            *TEST,
             "rosbags",
             "colcon-common-extensions",
             "colcon-ros",
@@ -55,8 +58,8 @@ setup(
     entry_points={
         "console_scripts": [
             "cable = cable_ros.cli.main:main",
-            "cable_node = cable_ros.ros.cable_node:main",
-            "cable_replay = cable_ros.ros.replay_node:main",
+            "cable_node = cable_ros.ros.start:cable_node",
+            "cable_replay = cable_ros.ros.start:cable_replay",
         ],
     },
     zip_safe=False,

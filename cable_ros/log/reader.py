@@ -13,6 +13,7 @@ from mcap.reader import SeekingReader
 from mcap.stream_reader import CRCValidationError
 from mcap.summary import Summary
 
+from cable_ros.log.decoders import decoder_for
 from cable_ros.log.errors import RECOVER, LogError, describe
 from cable_ros.log.records import has_magic
 
@@ -148,14 +149,11 @@ class LogReader:
         as_written: bool = False,
         raw: Collection[str] = (),
     ) -> Iterator[tuple[LoggedMessage, Any]]:
-        """The same with each message decoded by the schema that the log carries (mcap-ros2-support).
+        """The same with each message decoded; see `decoders`.
 
         A decoded message has the fields of the ROS message as attributes; those of the topics `raw` are not
         decoded, None stands for them.
         """
-        from mcap_ros2.decoder import DecoderFactory
-
-        factory = DecoderFactory()
         decoders: dict[int, Any] = {}
         for schema, channel, message in self._guarded(topics, start, end, as_written):
             if channel.topic in raw:
@@ -163,7 +161,7 @@ class LogReader:
                 continue
             decode = decoders.get(channel.id)
             if decode is None:
-                decode = decoders[channel.id] = factory.decoder_for(channel.message_encoding, schema)
+                decode = decoders[channel.id] = decoder_for(channel.message_encoding, schema)
                 if decode is None:
                     raise LogError(
                         f"{self.path}: topic {channel.topic} is encoded as '{channel.message_encoding}';"
