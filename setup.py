@@ -25,6 +25,8 @@ setup(
     version="0.1.0",
     description="What an externally mounted cable does to its robot, live: joint states in, wrench out",
     license="Apache-2.0",
+    url="https://example.org/cable_ros",
+    author="cable_ros maintainers",
     maintainer="cable_ros maintainers",
     maintainer_email="cable_ros@example.org",
     python_requires=">=3.10",

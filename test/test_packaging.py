@@ -49,7 +49,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in filter(lambda name: (ROOT / name).is_dir(), SOURCES):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
     for file in ROOT.iterdir():
-        if file.suffix in (".xml", ".py", ".cfg", ".toml", ".in", ".md") or file.name == "LICENSE":
+        if file.suffix in (".xml", ".py", ".cfg", ".toml", ".in", ".md", ".rst") or file.name == "LICENSE":
             shutil.copy(file, copy)
     return copy
 
@@ -192,6 +192,20 @@ def test_versions_and_licence_agree() -> None:
     assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text()
     assert package.findtext("license") == "Apache-2.0"
     assert "Version 2.0, January 2004" in (ROOT / "LICENSE").read_text()
+
+
+def test_the_release_tools_take_it() -> None:
+    package = pytest.importorskip("catkin_pkg.package", reason="catkin_pkg is not on this machine")
+    release = pytest.importorskip(
+        "catkin_pkg.cli.prepare_release", reason="catkin_pkg is not on this machine"
+    )
+    warnings: list[str] = []
+    ours = package.parse_package(str(ROOT), warnings=warnings)
+    assert warnings == []
+    assert [url.type for url in ours.urls] == ["repository"]
+    assert ours.authors
+    text = (ROOT / "CHANGELOG.rst").read_text()
+    assert release.get_forthcoming_label(text) or re.search(rf"^{re.escape(ours.version)} \(", text, re.M)
 
 
 def test_every_imported_ros_package_is_declared() -> None:
