@@ -85,7 +85,7 @@ $(NOBLE_STAMP): Makefile
 
 test-noble: $(NOBLE_STAMP)
 	@mkdir -p "$$ROS_LOG_DIR"
-	PYTHONPATH=$(CURDIR) $(NOBLE)/bin/python -m pytest -p no:cacheprovider $(NOBLE_TESTS)
+	PYTHONPATH=$(CURDIR) $(NOBLE)/bin/python -m pytest -p no:cacheprovider --timeout 600 $(NOBLE_TESTS)
 
 demo: setup
 	@mkdir -p "$$ROS_LOG_DIR"

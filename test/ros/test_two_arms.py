@@ -180,6 +180,12 @@ def test_each_has_a_log_of_its_own(cell):
         with LogReader(path) as log:
             own = {topic for topic in log.topics if topic not in ("/diagnostics", "/tf_static")}
             assert all(topic.startswith(f"/{side}/") for topic in own)
+
+
+def test_the_clamps_frames_lie_in_links_with_the_prefix(cell):
+    pytest.importorskip("mcap_ros2", reason="rclpy decodes no tf2_msgs where there are only wheels")
+    for side, path in zip(SCENES, cell.logs, strict=True):
+        with LogReader(path) as log:
             ((_, message),) = log.decoded(["/tf_static"])
         frames = {(one.header.frame_id, one.child_frame_id) for one in message.transforms}
         clamps = {("base", f"{CABLE}_start"), ("turret", f"{CABLE}_end")}
