@@ -33,7 +33,7 @@ from std_msgs.msg import Float64MultiArray
 from cable_ros.share import share_file
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
-START_UP = 120.0  # s; a first start compiles
+START_UP = 300.0  # s; a first start compiles
 
 
 class Run:
