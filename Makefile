@@ -1,6 +1,8 @@
 # make setup   .venv with the package, its Jazzy wheels and the tools      make test   lint, types, all tests
 # make demo    the arm live, an MCAP log and plots in demo/                make lint   only lint and types
 # make test-fast   under a minute, without ROS: at every save
+# make test-noble   what a robot with Ubuntu 24.04 runs, with the versions that it has; needs Python 3.12. Not in
+#             .ci/run: a second environment and ten minutes are more than there is time for
 # make node_modules   npm's reader of logs, which a test wants; it skips without
 # Another Python: make PYTHON=/path/to/python3.12 setup
 
@@ -26,6 +28,17 @@ WORKERS := 2
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup
 COMPILE := $(BIN)/python test/compile_first.py
 
+# Ubuntu 24.04's packages; but matplotlib, 3.6.3 there, has no wheel for Python 3.12 before 3.8, and Numba is the
+# oldest that runs on 3.12. Pinocchio is the newest that takes this NumPy.
+NOBLE ?= .venv-noble
+NOBLE_STAMP := $(NOBLE)/.installed
+NOBLE_PINS := numpy==1.26.4 scipy==1.11.4 matplotlib==3.8.0 PyYAML==6.0.1 numba==0.59.1 llvmlite==0.42.0 \
+	pytest==7.4.4 pytest-timeout==2.2.0 hypothesis==6.98.15 tqdm==4.66.2
+NOBLE_OTHERS := 'mcap>=1.5' rosbags pin==2.7.0 ros-jazzy-rclpy==7.1.6 ros-jazzy-common-interfaces==5.3.6 \
+	'ros-rclpy[fastrtps]==7.1.6' ros-rmw-fastrtps-cpp==8.4.3 ros-sensor-msgs==5.3.6 ros-ament-index-python==1.8.1
+NOBLE_TESTS := test/ros test/scene test/log test/test_closed_forms.py test/test_joint.py test/test_tracker.py \
+	test/test_requirements.py test/test_plots.py test/cli/test_plot.py test/cli/test_solve.py
+
 # One thread per process: the solver is single-threaded, and tests start several processes.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
@@ -37,7 +50,7 @@ find_python = for python in $(PYTHON) python3 python3.12 python3.11 python3.13 p
 	"$$python" -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
 	2>/dev/null && { command -v "$$python"; break; }; done; true
 
-.PHONY: setup test test-fast lint demo clean
+.PHONY: setup test test-fast test-noble lint demo clean
 
 setup: $(STAMP)
 
@@ -76,6 +89,19 @@ test: lint node_modules
 
 test-fast: setup
 	$(PYTEST) -q $(FAST_TESTS)
+
+$(NOBLE_STAMP): Makefile
+	@python=$$(command -v $(or $(PYTHON),python3.12)); \
+	"$$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 12))' 2>/dev/null || \
+		{ echo "make test-noble needs Python 3.12: make PYTHON=/path/to/python3.12 test-noble" >&2; exit 1; }; \
+	"$$python" -m venv --clear $(NOBLE)
+	@printf '%s\n' $(NOBLE_PINS) > $(NOBLE)/pins.txt
+	$(NOBLE)/bin/python -m pip install --quiet --constraint $(NOBLE)/pins.txt $(NOBLE_PINS) $(NOBLE_OTHERS)
+	@touch $@
+
+test-noble: $(NOBLE_STAMP)
+	@mkdir -p "$$ROS_LOG_DIR"
+	PYTHONPATH=$(CURDIR) $(NOBLE)/bin/python -m pytest -p no:cacheprovider --timeout 600 $(NOBLE_TESTS)
 
 demo: setup
 	@mkdir -p "$$ROS_LOG_DIR"

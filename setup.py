@@ -20,11 +20,17 @@ ROS_JAZZY = [
     "ros-ament-index-python==1.8.1",
 ]
 
+# What the tests import. colcon runs pytest where the extra "test" has it, and otherwise unittest, which
+# finds no test and is content.
+TEST = ["pytest>=7.4", "pytest-timeout", "hypothesis"]
+
 setup(
     name=PACKAGE,
     version="0.1.0",
     description="What an externally mounted cable does to its robot, live: joint states in, wrench out",
     license="Apache-2.0",
+    url="https://example.org/cable_ros",
+    author="cable_ros maintainers",
     maintainer="cable_ros maintainers",
     maintainer_email="cable_ros@example.org",
     python_requires=">=3.10",
@@ -43,11 +49,10 @@ setup(
         "robot": ["pin"],
         "plot": ["matplotlib"],
         "parquet": ["pyarrow"],
+        "test": TEST,
         "dev": [
-            "pytest>=7.4",
-            "pytest-timeout",
+            *TEST,
             "pytest-xdist>=3.6",
-            "hypothesis",
             "rosbags",
             "colcon-common-extensions",
             "colcon-ros",
@@ -60,8 +65,8 @@ setup(
     entry_points={
         "console_scripts": [
             "cable = cable_ros.cli.main:main",
-            "cable_node = cable_ros.ros.cable_node:main",
-            "cable_replay = cable_ros.ros.replay_node:main",
+            "cable_node = cable_ros.ros.start:cable_node",
+            "cable_replay = cable_ros.ros.start:cable_replay",
         ],
     },
     zip_safe=False,

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+
+pytest.importorskip("rosbags", reason="rosbags is not on this machine")
+
 from rosbags.typesys import Stores, get_typestore
 
 from cable_ros.log.writer import LogWriter

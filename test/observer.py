@@ -91,7 +91,7 @@ class Observer(Robot):
         return {
             pair.key: int(pair.value)
             for pair in self.entry().values
-            if not pair.key.startswith("position of")
+            if pair.value.isdigit() and not pair.key.startswith("position of")
         }
 
     def try_parameter(self, name: str, value: object) -> tuple[bool, str]:

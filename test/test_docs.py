@@ -39,7 +39,9 @@ def test_links_lead_somewhere(page, target):
     assert (folder / target).exists() or (ROOT / target).exists()
 
 
-@pytest.mark.parametrize(("page", "script"), _found(r"(?:benchmarks|test|config|cable_ros)/[a-z0-9_/]+\.\w+"))
+@pytest.mark.parametrize(
+    ("page", "script"), _found(r"(?:benchmarks|examples|test|config|cable_ros)/[a-z0-9_/]+\.\w+")
+)
 def test_files_that_are_named_are_there(page, script):
     assert (ROOT / script).exists()
 

@@ -49,7 +49,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in filter(lambda name: (ROOT / name).is_dir(), SOURCES):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
     for file in ROOT.iterdir():
-        if file.suffix in (".xml", ".py", ".cfg", ".toml", ".in", ".md") or file.name == "LICENSE":
+        if file.suffix in (".xml", ".py", ".cfg", ".toml", ".in", ".md", ".rst") or file.name == "LICENSE":
             shutil.copy(file, copy)
     return copy
 
@@ -103,6 +103,46 @@ def test_colcon_executables_run(workspace: Path, clean: dict[str, str]) -> None:
     assert "solve" in in_workspace(workspace, clean, folder / "cable", "-h")
 
 
+def test_colcon_runs_the_tests_and_fails_with_them(
+    workspace: Path, source: Path, clean: dict[str, str]
+) -> None:
+    folder = source / "test" / "ros"
+    folder.mkdir(parents=True)
+    shutil.copy(ROOT / "test" / "conftest.py", source / "test")
+    colcon = (sys.executable, "-m", "colcon")
+    env = clean | {"COLCON_LOG_PATH": str(workspace / "log")}
+    for outcome, summary in (
+        ("True", "1 test, 0 errors, 0 failures"),
+        ("False", "1 test, 0 errors, 1 failure"),
+    ):
+        (folder / "test_it.py").write_text(
+            f"import os\n\n\ndef test_it():\n    assert os.environ['ROS_DOMAIN_ID'] != '7' and {outcome}\n"
+        )
+        (source / "test" / "test_of_the_solver.py").write_text("def test_long():\n    assert False\n")
+        in_workspace(
+            workspace,
+            env | {"ROS_DOMAIN_ID": "7"},
+            *colcon,
+            "test",
+            "--paths",
+            source,
+            "--event-handlers",
+            "status-",
+        )
+        result = subprocess.run(
+            [*colcon, "test-result"], cwd=workspace, env=env, capture_output=True, text=True, check=False
+        )
+        assert summary in result.stdout
+        assert result.returncode == (outcome == "False")
+
+
+def test_what_colcon_runs_is_there() -> None:
+    text = (ROOT / "test" / "conftest.py").read_text()
+    (names,) = re.findall(r"^ROBOT = \((.*)\)$", text, re.M)
+    for name in re.findall(r'"(.+?)"', names):
+        assert (ROOT / "test" / name).exists()
+
+
 def test_pip_installs_the_share_files(source: Path, clean: dict[str, str], tmp_path: Path) -> None:
     target = tmp_path / "target"
     build = (sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation")
@@ -152,6 +192,20 @@ def test_versions_and_licence_agree() -> None:
     assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text()
     assert package.findtext("license") == "Apache-2.0"
     assert "Version 2.0, January 2004" in (ROOT / "LICENSE").read_text()
+
+
+def test_the_release_tools_take_it() -> None:
+    package = pytest.importorskip("catkin_pkg.package", reason="catkin_pkg is not on this machine")
+    release = pytest.importorskip(
+        "catkin_pkg.cli.prepare_release", reason="catkin_pkg is not on this machine"
+    )
+    warnings: list[str] = []
+    ours = package.parse_package(str(ROOT), warnings=warnings)
+    assert warnings == []
+    assert [url.type for url in ours.urls] == ["repository"]
+    assert ours.authors
+    text = (ROOT / "CHANGELOG.rst").read_text()
+    assert release.get_forthcoming_label(text) or re.search(rf"^{re.escape(ours.version)} \(", text, re.M)
 
 
 def test_every_imported_ros_package_is_declared() -> None:

@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 
 import cable_ros.cli
 from cable_ros.printable import one_line
+from cable_ros.requirements import missing
 
 INTERRUPTED = 130  # 128 + SIGINT, and the like for SIGPIPE: what a shell reports for a program they end
 BROKEN_PIPE = 141
@@ -46,6 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     0: done; 1: done, and the answer is no; 2: it could not be done, for the reason in the one
     sentence on stderr.
     """
+    if sentence := missing():
+        print(f"cable: {sentence}", file=sys.stderr)
+        return 2
     try:
         code = _run(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()

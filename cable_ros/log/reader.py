@@ -13,6 +13,7 @@ from mcap.reader import SeekingReader
 from mcap.summary import Summary
 
 from cable_ros.log.chunks import MOST_RECORD_BYTES, ChunkError, parsed
+from cable_ros.log.decoders import decoder_for
 from cable_ros.log.errors import RECOVER, LogError
 from cable_ros.log.files import LogFile
 from cable_ros.log.order import Source
@@ -176,14 +177,11 @@ class LogReader:
         as_written: bool = False,
         raw: Collection[str] = (),
     ) -> Iterator[tuple[LoggedMessage, Any]]:
-        """The same with each message decoded by the schema that the log carries (mcap-ros2-support).
+        """The same with each message decoded; see `decoders`.
 
         A decoded message has the fields of the ROS message as attributes; those of the topics `raw` are not
         decoded, None stands for them.
         """
-        from mcap_ros2.decoder import DecoderFactory
-
-        factory = DecoderFactory()
         decoders: dict[int, Any] = {}
         for schema, channel, message in self._guarded(topics, start, end, as_written):
             if channel.topic in raw:
@@ -194,7 +192,9 @@ class LogReader:
                 try:
                     if schema is not None and len(schema.data) > MOST_SCHEMA_BYTES:
                         raise ValueError(f"more than {MOST_SCHEMA_BYTES} bytes")
-                    decode = decoders[channel.id] = factory.decoder_for(channel.message_encoding, schema)
+                    decode = decoders[channel.id] = decoder_for(channel.message_encoding, schema)
+                except LogError:
+                    raise
                 except Exception as error:  # its parser has many for texts that are no schema
                     raise LogError(
                         f"{self.path}: the schema of topic {channel.topic} is damaged ({_reason(error)});"

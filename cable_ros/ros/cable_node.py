@@ -18,15 +18,17 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from cable_ros.log import events
 from cable_ros.ros import parameters
 from cable_ros.ros.cable_outputs import LATCHED, STREAM
 from cable_ros.ros.cdr import serialise
-from cable_ros.ros.frames import tf_static, tf_static_outlet, world_frame
+from cable_ros.ros.frame_names import Frames, root_frame
+from cable_ros.ros.frames import tf_static, tf_static_outlet
 from cable_ros.ros.health import Health
 from cable_ros.ros.inlet import Inlet, Message
 from cable_ros.ros.lifetime import Lifetime
@@ -60,7 +62,7 @@ class CableNode(Node):
         super().__init__("cable_node")
         parameters.declare(self)
         self._scene_path = parameters.scene_file(self._value("scene"))
-        self._health = Health(self.get_name(), str(self._scene_path))
+        self._health = Health(self.get_fully_qualified_name(), str(self._scene_path))
         self._out = Outbox(self)
         self._live: LiveScene | None = None
         self._urdf: str | None = None
@@ -77,7 +79,8 @@ class CableNode(Node):
         )
         self._diagnostics = Outlet.create(self, DiagnosticArray, "/diagnostics", _DIAGNOSTICS)
         self._joint_load = Outlet.create(self, JointState, "~/joint_load", STREAM)
-        self._joint_stiffness = Outlet.create(self, Float64MultiArray, "~/joint_stiffness", STREAM)
+        self._joint_stiffness = Outlet.create(self, JointTrajectory, "~/joint_stiffness", STREAM)
+        self._status = Outlet.create(self, DiagnosticArray, "~/status", STREAM)
         self._markers = Outlet.create(self, MarkerArray, "~/markers", _MARKERS)
         solved_joints = self.resolve_topic_name(f"~/{events.SOLVED_JOINTS}")
         self._solved_joints = Outlet(solved_joints, type_name(JointState), STREAM, None)
@@ -123,8 +126,10 @@ class CableNode(Node):
         old, self._live = self._live, None
         if old is not None:
             old.destroy(self)
-        frame = self._value("world_frame") or world_frame(scene.robot)
-        live = LiveScene(self, scene, tracker, self._joint_states.topic, frame, self._note)
+        frames = Frames(self._value("frame_prefix"), self._value("world_frame") or root_frame(scene.robot))
+        live = LiveScene(
+            self, scene, tracker, self._joint_states.topic, frames, self._health.hardware_id, self._note
+        )
         if old is not None:
             live.states.carry_on(old.states)
         seconds = live.warm_up()
@@ -209,6 +214,7 @@ class CableNode(Node):
             self._note(live.tracker.outside)
         self._out.send(self._solved_joints, live.solved_joints(stamp))
         live.send_loads(self._out.send, stamp, self._joint_load, self._joint_stiffness)
+        self._out.send(self._status, live.status(stamp))
         live.note()
         if self._is_time_for("polylines", self._value("polyline_rate")):
             live.send_polylines(self._out.send, stamp)
@@ -250,14 +256,14 @@ class CableNode(Node):
             self._report()
 
     def _report(self) -> None:
-        live, name = self._live, self.get_name()
+        live = self._live
         publishers = self.count_publishers(self._joint_states.topic)
         entries = [
             self._health.joint_states(live.states if live else None, self._waiting, publishers),
             self._health.log(self._out.recorder),
         ]
         if live is not None:
-            entries += live.entries(name, self._health.hardware_id)
+            entries += live.entries(self._health.name)
         self._out.send(self._diagnostics, serialise(diagnostics(self._now(), entries)))
         self._report_time = time.monotonic()
 
@@ -278,12 +284,12 @@ class CableNode(Node):
     def _outlets(self) -> list[Outlet]:
         """Every topic that a log may hold."""
         own = [self._joint_states, self._solved_joints, self._diagnostics]
-        own += [self._joint_load, self._joint_stiffness, self._markers]
+        own += [self._joint_load, self._joint_stiffness, self._status, self._markers]
         cables = self._live.cables.values() if self._live else ()
         return [*own, *(outlet for cable in cables for outlet in cable.outlets)]
 
     def _start_log(self) -> None:
-        path = log_path(self._value("log.path"), self.get_name(), str(get_logging_directory()))
+        path = log_path(self._value("log.path"), self._health.name, str(get_logging_directory()))
         settings = {name: self._value(f"log.{name}") for name in ("max_size", "max_duration", "queue_size")}
         texts = self._live.attachments(parameters.as_text(self)) if self._live else {}
         if self._out.start_log(path, settings, texts, self._outlets()) and (live := self._live):

@@ -11,6 +11,7 @@ from nav_msgs.msg import Path
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from cable_ros.equilibrium import Equilibrium
+from cable_ros.ros.frame_names import Frames
 from cable_ros.ros.messages import PathMessage, WrenchMessage, clamp_transform, diagnostic
 from cable_ros.ros.recorder import Outlet
 from cable_ros.scene.model import Cable
@@ -40,17 +41,17 @@ def level(equilibrium: Equilibrium) -> bytes:
 class CableOutputs:
     """Topics and messages of one cable: both wrenches, polyline, diagnostics."""
 
-    def __init__(self, node: Node, cable: Cable, world_frame: str, polyline_points: int) -> None:
+    def __init__(self, node: Node, cable: Cable, frames: Frames, polyline_points: int) -> None:
         self.cable = cable
-        self.world_frame = world_frame
+        self._frames = frames
         base = f"~/{cable.name}"
-        self.end_frame, self.start_frame = f"{cable.name}_end", f"{cable.name}_start"
+        self.end_frame, self.start_frame = (frames.of(f"{cable.name}_{clamp}") for clamp in ("end", "start"))
         self.end_wrench = Outlet.create(node, WrenchStamped, f"{base}/end_wrench", STREAM)
         self.start_wrench = Outlet.create(node, WrenchStamped, f"{base}/start_wrench", STREAM)
         self.polyline = Outlet.create(node, Path, f"{base}/polyline", LATCHED)
         self._end_message = WrenchMessage(self.end_frame)
         self._start_message = WrenchMessage(self.start_frame)
-        self._path_message = PathMessage(world_frame, polyline_points)
+        self._path_message = PathMessage(frames.world, polyline_points)
         self.worst: Equilibrium | None = None
         """The result of the highest diagnostic level since the last diagnostics."""
 
@@ -72,14 +73,14 @@ class CableOutputs:
     def path(self, stamp: int, equilibrium: Equilibrium) -> tuple[Outlet, bytes]:
         """The message of the polyline."""
         if len(equilibrium.points) != self._path_message.count:
-            self._path_message = PathMessage(self.world_frame, len(equilibrium.points))
+            self._path_message = PathMessage(self._frames.world, len(equilibrium.points))
         return self.polyline, self._path_message.fill(stamp, equilibrium.points, equilibrium.orientations)
 
     def transforms(self) -> list[TransformStamped]:
         """The frames of both clamps in their links."""
         return [
-            clamp_transform(self.start_frame, self.world_frame, self.cable.start),
-            clamp_transform(self.end_frame, self.world_frame, self.cable.end),
+            clamp_transform(frame, self._frames.of(mount.link) if mount.link else self._frames.world, mount)
+            for frame, mount in ((self.start_frame, self.cable.start), (self.end_frame, self.cable.end))
         ]
 
     def status(self, prefix: str, hardware_id: str, also: Mapping[str, object]) -> DiagnosticStatus:

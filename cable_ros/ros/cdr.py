@@ -37,7 +37,7 @@ _TIME = "builtin_interfaces/Time"
 
 
 class _Encoder:
-    """Writes one message and notes where each number went."""
+    """Writes one message and notes where each number, and each text, went."""
 
     def __init__(self) -> None:
         self.body = bytearray()
@@ -58,6 +58,7 @@ class _Encoder:
         elif kind.startswith("string"):
             text = value.encode()
             self._number(path + ".length", "I", len(text) + 1)
+            self.offsets[path] = len(self.body)
             self.body += text + b"\0"
         elif match := _SEQUENCE.match(kind):
             self._number(path + ".length", "I", len(value))
@@ -110,7 +111,7 @@ class Template:
         Args:
             path: the first number, e.g. "wrench.force.x"; with `rows`, braces stand for the element's index,
                 e.g. "poses[{}].pose.position.x".
-            columns: how many numbers of `dtype` follow one another.
+            columns: how many numbers of `dtype` follow one another; of a text, its bytes as `np.uint8`.
             rows: number of elements, or None for a single row.
 
         Returns:

@@ -1,8 +1,7 @@
-"""Names of frames, and the constant transforms of the clamps on /tf_static."""
+"""The constant transforms of the clamps on /tf_static."""
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,24 +11,12 @@ from geometry_msgs.msg import TransformStamped
 from cable_ros.ros.cable_outputs import LATCHED
 from cable_ros.ros.cdr import serialise
 from cable_ros.ros.recorder import Outlet
-from cable_ros.scene.model import Robot
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
 TOPIC = "/tf_static"
 TYPE = "tf2_msgs/msg/TFMessage"
-
-
-def world_frame(robot: Robot | None) -> str:
-    """The frame that the scene's positions without a link are in: the robot's root link, or "world"."""
-    if robot is None:
-        return "world"
-    root = ET.fromstring(robot.urdf.strip())
-    children = {child.get("link") for child in root.iterfind("joint/child")}
-    return next(
-        (n for n in (link.get("name", "") for link in root.iterfind("link")) if n not in children), "world"
-    )
 
 
 @dataclass

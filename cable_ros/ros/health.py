@@ -15,11 +15,17 @@ _SILENCE = 1.0
 
 
 class Health:
-    """Collects what went wrong between two reports, so that a single bad message is told as well."""
+    """Collects what went wrong between two reports, so that a single bad message is told as well.
 
-    def __init__(self, name: str, hardware_id: str) -> None:
-        self.name = name
-        self.hardware_id = hardware_id
+    Args:
+        node: its full name, that no other node has: entries are named after it, and it is their hardware_id.
+        scene: the scene's file.
+    """
+
+    def __init__(self, node: str, scene: str) -> None:
+        self.name = node.removeprefix("/")
+        self.hardware_id = node
+        self._scene = scene
         self._fault = ""
         self._last_message = time.monotonic()
 
@@ -67,6 +73,7 @@ class Health:
             "rejected": counters.rejected,
             "without a needed joint": counters.other,
             "publishers": publishers,
+            "scene": self._scene,
         }
         for joint, value in states.joints().items():
             values[f"position of {joint}"] = value

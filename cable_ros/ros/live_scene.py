@@ -15,12 +15,14 @@ from cable_ros.joint import joint_load, joint_torque
 from cable_ros.joint_limits import IGNORE
 from cable_ros.ros.cable_outputs import CableOutputs
 from cable_ros.ros.environment import Environment
+from cable_ros.ros.frame_names import Frames
 from cable_ros.ros.joint_motion import JointMotion
 from cable_ros.ros.joint_states import JointStates
 from cable_ros.ros.markers import CableMarkers
 from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, SolvedJointsMessage
 from cable_ros.ros.obstacle_markers import ObstacleMarkers
 from cable_ros.ros.recorder import Outlet
+from cable_ros.ros.status_message import StatusMessage
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.model import Scene
 from cable_ros.share import share_file
@@ -51,7 +53,8 @@ class LiveScene:
         scene: what there is.
         tracker: of that scene.
         topic: of the joint states, for sentences.
-        world_frame: frame of what has no link.
+        frames: names of the frames.
+        hardware_id: of the entries in diagnostics and status.
         note: called with a sentence about an input that can't be used.
     """
 
@@ -61,23 +64,25 @@ class LiveScene:
         scene: Scene,
         tracker: Tracker,
         topic: str,
-        world_frame: str,
+        frames: Frames,
+        hardware_id: str,
         note: Callable[[str], None],
     ) -> None:
         self.scene = scene
         self.tracker = tracker
-        self.world_frame = world_frame
+        self.frames = frames
+        self.hardware_id = hardware_id
         self.states = JointStates(tracker.joint_names, topic)
         self.environment = Environment(node, scene, tracker, note)
         self.cables = {
-            cable.name: CableOutputs(node, cable, world_frame, tracker.polyline_points)
-            for cable in scene.cables
+            cable.name: CableOutputs(node, cable, frames, tracker.polyline_points) for cable in scene.cables
         }
         self._solved = SolvedJointsMessage(tracker.joint_names)
         self._load = JointLoadMessage(tracker.joint_names) if tracker.joint_names else None
-        self._stiffness = JointStiffnessMessage(len(tracker.joint_names)) if tracker.joint_names else None
+        self._stiffness = JointStiffnessMessage(tracker.joint_names) if tracker.joint_names else None
+        self._status = StatusMessage([cable.name for cable in scene.cables], hardware_id)
         self._markers: dict[str, CableMarkers] = {}
-        self._obstacles = ObstacleMarkers(scene, world_frame) if scene.obstacles else None
+        self._obstacles = ObstacleMarkers(scene, frames.world) if scene.obstacles else None
         self.equilibria: dict[str, Equilibrium] = {}
         self.fresh = True
         """Whether the tracker has solved nothing since it was made or reset."""
@@ -147,7 +152,11 @@ class LiveScene:
             send(load, self._load.fill(stamp, self.states.positions, torque))
             if stiffness.wanted():
                 derivative = joint_load(self.tracker, self.equilibria, joints).stiffness
-                send(stiffness, self._stiffness.fill(derivative))
+                send(stiffness, self._stiffness.fill(stamp, derivative))
+
+    def status(self, stamp: int) -> bytes:
+        """Whether what was sent for the last solve can be trusted."""
+        return self._status.fill(stamp, self.equilibria)
 
     def send_polylines(self, send: Send, stamp: int) -> None:
         """Send the polyline of every cable whose numbers are trusted."""
@@ -173,9 +182,9 @@ class LiveScene:
         for cable in self.scene.cables:
             markers = self._markers.get(cable.name)
             if markers is None or markers.count != count:
-                self._markers[cable.name] = CableMarkers(cable, self.world_frame, count)
+                self._markers[cable.name] = CableMarkers(cable, self.frames.world, count)
 
-    def entries(self, prefix: str, hardware_id: str) -> list[DiagnosticStatus]:
+    def entries(self, prefix: str) -> list[DiagnosticStatus]:
         """The diagnostics of every cable."""
         left_out = self.tracker.left_out
         out = []
@@ -183,7 +192,7 @@ class LiveScene:
             also: dict[str, object] = dict(self.environment.of(name))
             if effects := left_out.get(name):
                 also["effects left out"] = ", ".join(effects)
-            out.append(cable.status(prefix, hardware_id, also))
+            out.append(cable.status(prefix, self.hardware_id, also))
         return out
 
     def attachments(self, parameters: str) -> Mapping[str, str]:

@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from nav_msgs.msg import Path
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from cable_ros.ros.cdr import Template
 from cable_ros.scene.model import Mount
@@ -97,20 +97,23 @@ class JointLoadMessage:
 
 
 class JointStiffnessMessage:
-    """`std_msgs/Float64MultiArray`: derivative of the effort on each joint (row) by each joint (column)."""
+    """`trajectory_msgs/JointTrajectory`: a point for each joint, how the effort on all changes with that one.
 
-    def __init__(self, count: int) -> None:
-        message = Float64MultiArray(data=[0.0] * count**2)
-        message.layout.dim = [
-            MultiArrayDimension(label="effort", size=count, stride=count**2),
-            MultiArrayDimension(label="joint", size=count, stride=count),
-        ]
-        self._template = Template(message)
-        self._data = self._template.view("data[0]", count**2)
+    `points[j].effort[i]`: derivative of the effort on joint i by joint j, in the order of `joint_names`.
+    Positions stay empty: for a controller of trajectories this is no command.
+    """
 
-    def fill(self, stiffness: np.ndarray) -> bytes:
-        """Bytes with `stiffness` (n, n), N m/rad for revolute joints."""
-        self._data[:] = stiffness.reshape(-1)
+    def __init__(self, names: Sequence[str]) -> None:
+        count = len(names)
+        points = [JointTrajectoryPoint(effort=[0.0] * count) for _ in names]
+        self._template = Template(JointTrajectory(joint_names=list(names), points=points))
+        self._columns = [self._template.view(f"points[{j}].effort[0]", count) for j in range(count)]
+
+    def fill(self, stamp: int, stiffness: np.ndarray) -> bytes:
+        """Bytes with `stiffness` (n, n), effort (row) by joint (column), N m/rad for revolute joints."""
+        set_stamp(self._template, stamp)
+        for column, values in zip(self._columns, stiffness.T, strict=True):
+            column[:] = values
         return self._template.to_bytes()
 
 
@@ -132,10 +135,10 @@ def diagnostics(stamp: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticA
     return message
 
 
-def clamp_transform(frame_id: str, world_frame: str, mount: Mount) -> TransformStamped:
-    """Where a clamp's frame lies in its link, or in the world: constant."""
+def clamp_transform(frame_id: str, parent: str, mount: Mount) -> TransformStamped:
+    """Where a clamp's frame lies in that of its link, or of the world: constant."""
     message = TransformStamped(child_frame_id=frame_id)
-    message.header.frame_id = mount.link or world_frame
+    message.header.frame_id = parent
     translation, rotation = message.transform.translation, message.transform.rotation
     translation.x, translation.y, translation.z = (float(value) for value in mount.position)
     rotation.x, rotation.y, rotation.z, rotation.w = (float(value) for value in mount.orientation)

@@ -91,7 +91,7 @@ class Outbox:
         writer = self.recorder.writer
         problem = self.recorder.stop()
         # A logger of its own: the node's also publishes, which it no longer can after a signal.
-        logger = rclpy.logging.get_logger(f"{self._node.get_name()}.log")
+        logger = rclpy.logging.get_logger(f"{self._node.get_logger().name}.log")
         if problem:
             logger.error(problem)
         elif writer is not None:

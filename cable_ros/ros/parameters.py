@@ -78,6 +78,11 @@ DECLARATIONS = (
         "",
         "Frame of scene positions without a link; empty: the robot's root link, or 'world'.",
     ),
+    Declaration(
+        "frame_prefix",
+        "",
+        "Text before every frame_id, as robot_state_publisher has it, such as 'left/'.",
+    ),
     Declaration("diagnostics_rate", 1.0, "Diagnostics in a second while nothing changes, Hz.", 0.1, 100.0),
     Declaration("marker_rate", 20.0, "Most marker messages in a second, Hz.", 0.1, 1000.0, live=True),
     Declaration("marker_force_scale", 0.5, "Length of a force arrow, m/N.", 1e-6, 1e6, live=True),
@@ -142,6 +147,8 @@ def refusal(entry: Declaration, value: Any) -> str:
             return f"Parameter '{entry.name}' is '{value}'; it must be the name of a topic."
     if entry.name == "joint_limits" and value not in MODES:
         return f"Parameter 'joint_limits' is '{value}'; it must be {', '.join(MODES[:-1])} or {MODES[-1]}."
+    if entry.name == "frame_prefix" and value.startswith("/"):
+        return f"Parameter 'frame_prefix' is '{value}'; frames of tf2 do not begin with '/': leave it out."
     if entry.name == "log.path" and value.endswith(".mcap") and os.path.exists(os.path.expanduser(value)):
         return f"Parameter 'log.path': {value} exists already and logs never overwrite; choose another name."
     return ""

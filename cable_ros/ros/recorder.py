@@ -129,18 +129,19 @@ class Recorder:
         return writer.error or ""
 
 
-def log_path(wanted: str, node_name: str, default_folder: str) -> Path:
+def log_path(wanted: str, node: str, default_folder: str) -> Path:
     """The file of the next log: `wanted` itself, or one named after node and time in that folder.
 
     Numbered where there is such a file: a second log under the same parameters. Only the default folder is
-    made where it is missing.
+    made where it is missing. `node` is its full name, as two nodes may begin their logs in the same folder
+    and second.
     """
     path = Path(os.path.expanduser(wanted or default_folder))
     if not wanted:
         with contextlib.suppress(OSError):  # told when the log is begun
             path.mkdir(parents=True, exist_ok=True)
     if path.suffix != ".mcap":
-        path /= f"{node_name}_{time.strftime('%Y%m%d-%H%M%S')}.mcap"
+        path /= f"{node.replace('/', '_')}_{time.strftime('%Y%m%d-%H%M%S')}.mcap"
     candidate, number = path, 1
     while os.path.exists(candidate) or os.path.exists(f"{candidate}.part"):
         number += 1

@@ -15,7 +15,7 @@ from cable_ros.log.host import host_facts
 from cable_ros.log.reader import SCENE, URDF
 from cable_ros.log.run import CLAMPS, PATH, WRENCH
 from cable_ros.log.writer import LogWriter
-from cable_ros.ros.frames import world_frame
+from cable_ros.ros.frame_names import root_frame
 from cable_ros.ros.messages import PathMessage, WrenchMessage
 from cable_ros.scene import Scene
 
@@ -49,7 +49,7 @@ class SolveLog:
             metadata={"host": host_facts()} | dict(metadata or {}),
             max_bytes=0,
         )
-        self._frame = world_frame(scene.robot)
+        self._frame = root_frame(scene.robot)
         self._wrenches = {
             (cable.name, clamp): WrenchMessage(f"{cable.name}_{clamp}")
             for cable in scene.cables

@@ -20,6 +20,7 @@ TOPICS = {
     *PUBLISHED,
     f"{NODE}/markers",
     f"{NODE}/joint_stiffness",
+    f"{NODE}/status",
     f"{NODE}/scene",
     "/diagnostics",
     "/robot_description",

@@ -15,7 +15,8 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, TransformStamped, Wrench
 from nav_msgs.msg import Path
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import MarkerArray
 
 from cable_ros.log.events import decode_event, encode_event, encode_solved_joints
@@ -29,11 +30,11 @@ FRAMES = ["", "a", "ab", "abc", "abcd", "camera_cable_end"]
 """Lengths that put what follows at every offset modulo 8."""
 
 
-def check(data, expected):
-    """`data` are the bytes of the message `expected`."""
+def check(data, expected, empty=1):
+    """`data` are the bytes of the message `expected`; `empty`: pairs of sequences in it that are empty."""
     theirs = serialize_message(expected)
     # rclpy's end may be padded to four bytes, and counts eight for an empty velocity and effort.
-    assert 0 <= len(theirs) - len(data) < 12
+    assert 0 <= len(theirs) - len(data) < 4 + 8 * empty
     # A reader takes in all bytes but the padding: none of those differs ...
     assert deserialize_message(data, type(expected)) == expected
     # ... and the others are zero.
@@ -96,15 +97,15 @@ def test_solved_joints(names):
     check(encode_solved_joints(tuple(names), position, STAMP), expected)  # what a sweep logs
 
 
-@pytest.mark.parametrize("count", [1, 2, 7])
-def test_joint_stiffness(count):
-    stiffness = np.random.default_rng(3).normal(size=(count, count))
-    expected = Float64MultiArray(data=stiffness.reshape(-1).tolist())
-    expected.layout.dim = [
-        MultiArrayDimension(label="effort", size=count, stride=count * count),
-        MultiArrayDimension(label="joint", size=count, stride=count),
-    ]
-    check(messages.JointStiffnessMessage(count).fill(stiffness), expected)
+@pytest.mark.parametrize("names", JOINTS)
+def test_joint_stiffness(names):
+    stiffness = np.random.default_rng(3).normal(size=(len(names), len(names)))
+    expected = stamped(JointTrajectory(joint_names=names))
+    for j in range(len(names)):  # what joint j does to the effort on each
+        expected.points.append(JointTrajectoryPoint(effort=stiffness[:, j].tolist()))
+    template = messages.JointStiffnessMessage(names)
+    template.fill(7, np.ones_like(stiffness))
+    check(template.fill(STAMP, stiffness), expected, empty=2 * len(names))
 
 
 @pytest.mark.parametrize("count", range(4))
@@ -133,7 +134,9 @@ def test_events():
 def test_clamp_frames():
     rng = np.random.default_rng(4)
     mounts = [Mount(rng.normal(size=3), rng.normal(size=4), link) for link in (None, "turret", "ab")]
-    transforms = [messages.clamp_transform(f"clamp_{i}", "base", mount) for i, mount in enumerate(mounts)]
+    transforms = [
+        messages.clamp_transform(f"clamp_{i}", mount.link or "base", mount) for i, mount in enumerate(mounts)
+    ]
     assert [transform.header.frame_id for transform in transforms] == ["base", "turret", "ab"]
     # tf2_msgs is not among the wheels; a TFMessage is nothing but a sequence of these. One alone, at the
     # offset 0 that it has in a message of its own, must be rclpy's; several must follow one another.

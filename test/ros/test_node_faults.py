@@ -114,6 +114,33 @@ def test_a_value_that_no_joint_has_is_not_answered(observer, solved_here):
     check_answer(observer, solved_here, 0.0)
 
 
+def test_the_status_of_every_answer_is_told(observer):
+    statuses = observer.listen(f"{NODE}/status", "diagnostic_msgs/msg/DiagnosticArray")
+    observer.move(0.2)
+    observer.rest()  # the status comes after the load
+    loads = observer.heard[f"{NODE}/joint_load"]
+    statuses.clear()
+    begin = time.time_ns()
+    for step, angle in enumerate((0.2, 1e9, 1e9, 0.2)):
+        observer.send(NAMES, [0.0, angle], stamp=begin + step * 250_000_000)
+        observer.wait(lambda count=step: len(statuses) > count)
+    observer.rest()
+    assert observer.heard[f"{NODE}/joint_load"] == loads + 2
+    found = []
+    for step, message in enumerate(statuses):
+        stamp = message.header.stamp
+        assert stamp.sec * 1_000_000_000 + stamp.nanosec == begin + step * 250_000_000
+        (entry,) = message.status
+        assert entry.name == "camera_cable"
+        values = {pair.key: pair.value for pair in entry.values}
+        found.append((values["status"], values["trusted"], float(values["age of the last trusted [s]"])))
+        if values["trusted"] == "true":
+            assert 0 < float(values["error estimate"]) <= 1e-4
+            assert float(values["stability margin"]) > 0
+    bad = [("INVALID_INPUT", "false", age) for age in (0.25, 0.5)]
+    assert found == [("CONVERGED", "true", 0.0), *bad, ("CONVERGED", "true", 0.0)]
+
+
 def test_stamps_that_go_back_are_told_and_answered(observer):
     now = time.time_ns()
     for stamp in (now, now - 5_000_000_000):

@@ -122,7 +122,7 @@ def test_a_scene_is_loaded_again(observer, scene):
 
 
 def test_stiffness_is_sent_to_who_listens(observer, scene):
-    stiffness = observer.listen(f"{NODE}/joint_stiffness", "std_msgs/msg/Float64MultiArray")
+    stiffness = observer.listen(f"{NODE}/joint_stiffness", "trajectory_msgs/msg/JointTrajectory")
     observer.rest()
     angle = 0.25
     observer.move(angle)
@@ -136,9 +136,12 @@ def test_stiffness_is_sent_to_who_listens(observer, scene):
     assert len(load.velocity) == 0
     # The same tolerance, 1e-4, on another way; a derivative is a little less exact than its function.
     np.testing.assert_allclose(load.effort, expected.torque, rtol=1e-3)
-    (last,) = stiffness[-1].data
+    assert (stiffness[-1].header.stamp, list(stiffness[-1].joint_names)) == (
+        load.header.stamp,
+        ["orientation"],
+    )
+    ((last,),) = (point.effort for point in stiffness[-1].points)
     assert last == pytest.approx(expected.stiffness[0, 0], rel=1e-2)
-    assert [dim.label for dim in stiffness[-1].layout.dim] == ["effort", "joint"]
     # It is the derivative of what is published, over a step of 0.01 rad: off by its square and the tolerance.
     efforts = []
     for side in (-0.005, 0.005):

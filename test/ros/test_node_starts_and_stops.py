@@ -221,7 +221,7 @@ def test_an_arm_of_two_joints_has_a_load_on_each(tmp_path):
     joints = {"orientation": 0.2, "pitch": 0.1}
     with Observer(scene=path, diagnostics_rate="20.0") as robot:
         loads = robot.listen(f"{NODE}/joint_load", "sensor_msgs/msg/JointState")
-        stiffness = robot.listen(f"{NODE}/joint_stiffness", "std_msgs/msg/Float64MultiArray")
+        stiffness = robot.listen(f"{NODE}/joint_stiffness", "trajectory_msgs/msg/JointTrajectory")
         robot.rest()
         # Each joint from a publisher of its own; nothing is solved before both are known.
         robot.send(["pitch"], [joints["pitch"]])
@@ -238,5 +238,6 @@ def test_an_arm_of_two_joints_has_a_load_on_each(tmp_path):
     # Both within the tolerance, 1e-4, of the same truth; a derivative is less exact than its function.
     scale = np.abs(expected.torque).max()
     np.testing.assert_allclose(loads[-1].effort, expected.torque, atol=1e-3 * scale)
-    found = np.reshape(stiffness[-1].data, (2, 2))
+    assert list(stiffness[-1].joint_names) == list(tracker.joint_names)
+    found = np.transpose([point.effort for point in stiffness[-1].points])
     np.testing.assert_allclose(found, expected.stiffness, atol=1e-2 * np.abs(expected.stiffness).max())
