@@ -20,8 +20,9 @@ CONTACT_TESTS := test/test_contact.py test/test_friction.py test/test_lying.py t
 	test/test_zoo.py -k "not test_zoo or ball or ground or hose or box or drum or edge or sides"
 
 # What shows most mistakes soonest; nothing of it starts a node or compiles anew what has not changed.
-FAST_TESTS := test/linalg test/solve test/scene test/mechanics test/statics test/contact/test_nodal_tangent.py \
-	test/test_closed_forms.py test/test_contact.py test/test_tracker.py test/test_docs.py
+FAST_TESTS := test/linalg test/solve test/scene test/rod test/effects test/contact/test_nodal_tangent.py \
+	test/contact/test_distance.py test/test_closed_forms.py test/test_contact.py test/test_tracker.py \
+	test/test_layout.py test/test_docs.py
 
 # Tests in this many processes side by side; pytest -n 0, or no -n, is one. test/conftest.py groups them.
 WORKERS := 2
@@ -37,7 +38,7 @@ NOBLE_PINS := numpy==1.26.4 scipy==1.11.4 matplotlib==3.8.0 PyYAML==6.0.1 numba=
 NOBLE_OTHERS := 'mcap>=1.5' rosbags pin==2.7.0 ros-jazzy-rclpy==7.1.6 ros-jazzy-common-interfaces==5.3.6 \
 	'ros-rclpy[fastrtps]==7.1.6' ros-rmw-fastrtps-cpp==8.4.3 ros-sensor-msgs==5.3.6 ros-ament-index-python==1.8.1
 NOBLE_TESTS := test/ros test/scene test/log test/test_closed_forms.py test/test_joint.py test/test_tracker.py \
-	test/test_requirements.py test/test_plots.py test/cli/test_plot.py test/cli/test_solve.py
+	test/test_requirements.py test/drawing/test_figures.py test/cli/test_plot.py test/cli/test_solve.py
 
 # One thread per process: the solver is single-threaded, and tests start several processes.
 export OMP_NUM_THREADS := 1

@@ -14,11 +14,11 @@ from itertools import pairwise
 import numpy as np
 
 from cable_ros import load_scene
-from cable_ros.mechanics.elements import Mesh, reference_element
+from cable_ros.branch.cold_start import Conditions, Found, equilibria, on_mesh
+from cable_ros.rod.elements import Mesh, reference_element
+from cable_ros.rod.units import Units, relative
 from cable_ros.scene import Kinematics
 from cable_ros.share import share_file
-from cable_ros.statics.search import Conditions, Found, equilibria, on_mesh
-from cable_ros.statics.units import Units, relative
 
 ORDERS, COUNTS = (3, 4, 5, 6), (4, 6, 8)
 

@@ -20,8 +20,8 @@ from cable_ros import Tracker
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.fuzz import tracked_case
 from cable_ros.bench.machine import describe
-from cable_ros.follower import ALGEBRAIC, Follower
-from cable_ros.statics.search import Found, on_mesh
+from cable_ros.branch.cable_tracker import ALGEBRAIC, Follower
+from cable_ros.branch.cold_start import Found, on_mesh
 
 QUANTILES = (0.01, 0.5, 0.9, 0.99, 0.999, 1.0)
 

@@ -151,7 +151,7 @@ def draw(run: Run, start: float, end: float, marks: dict[str, float], path: Path
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    from cable_ros.plots import STYLE
+    from cable_ros.drawing.figures import STYLE
 
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 5.2), layout="constrained")

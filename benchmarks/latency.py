@@ -34,7 +34,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from tqdm import tqdm
 
-from cable_ros.ros.cdr import Template
+from cable_ros.ros.cdr_template import Template
 from cable_ros.share import share_file
 
 BLOCK = 3.0  # s

@@ -32,7 +32,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cable_ros.mechanics.quaternion import matrices_from_ros
+from cable_ros.rod.quaternion import matrices_from_ros
 from cable_ros.share import share_file
 
 ANGLES = (30.0, 60.0, 75.0)  # degrees

@@ -21,12 +21,12 @@ from tqdm import tqdm
 
 from cable_ros import load_scene
 from cable_ros.bench.machine import describe
-from cable_ros.mechanics.elements import Mesh, reference_element
+from cable_ros.branch.cold_start import Conditions, Found, equilibria, on_mesh
+from cable_ros.rod.elements import Mesh, reference_element
+from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.units import Units, relative
 from cable_ros.scene import Cable, Kinematics, Scene
 from cable_ros.share import share_file
-from cable_ros.statics.rod import Rod
-from cable_ros.statics.search import Conditions, Found, equilibria, on_mesh
-from cable_ros.statics.units import Units, relative
 
 ERRORS = (1e-3, 1e-4, 1e-6, 1e-8)
 POSES = np.radians([-90.0, -60.0, -30.0, 0.0, 30.0, 60.0, 90.0])

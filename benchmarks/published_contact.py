@@ -19,10 +19,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from cable_ros import Equilibrium, Tracker, load_scene, plots
+from cable_ros import Equilibrium, Tracker, load_scene
 from cable_ros.baselines.published import GaussNewton
 from cable_ros.baselines.published_contact import ContactResult, solve_contact
 from cable_ros.baselines.result import ClampedCable, from_equilibrium
+from cable_ros.drawing import figures
 from cable_ros.scene import Scene
 from cable_ros.scene.obstacles import Sphere
 from cable_ros.scene.text import parse_yaml
@@ -116,7 +117,7 @@ def run(scene: Scene) -> tuple[dict[str, list[Point]], Equilibrium, dict[int, Co
 
 
 def draw(points: dict[str, list[Point]], at_close: Equilibrium, close: dict[int, ContactResult]) -> Figure:
-    with mpl.rc_context(plots.STYLE):
+    with mpl.rc_context(figures.STYLE):
         picture = Figure(figsize=(10.5, 7.6), layout="constrained")
         picture.suptitle(
             "A ball in the way: the published contact scheme and ours, without friction", x=0.01, ha="left"
@@ -195,7 +196,7 @@ def main() -> int:
             f"{np.abs(np.diff([point.end_force for point in series])).max():.2g}",
         ]
         print(f"| {' | '.join(cells)} |")
-    print(plots.save(draw(points, at_close, close), args.out))
+    print(figures.save(draw(points, at_close, close), args.out))
     return 0
 
 

@@ -6,16 +6,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cable_ros.equilibrium import Equilibrium
+    from cable_ros.equilibrium import Equilibrium, Status
     from cable_ros.scene import load_scene
-    from cable_ros.solve.status import Status
     from cable_ros.tracker import Tracker
 
 __all__ = ["Equilibrium", "Status", "Tracker", "load_scene"]
 
 _HOMES = {
     "Equilibrium": "cable_ros.equilibrium",
-    "Status": "cable_ros.solve.status",
+    "Status": "cable_ros.equilibrium",
     "Tracker": "cable_ros.tracker",
     "load_scene": "cable_ros.scene",
 }

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cable_ros.equilibrium import Equilibrium
-from cable_ros.mechanics.quaternion import matrices_from_ros
+from cable_ros.rod.quaternion import matrices_from_ros
 from cable_ros.tracker import Tracker
 
 

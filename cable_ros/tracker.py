@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from cable_ros import auto_effects
-from cable_ros.effects import environments, properties
-from cable_ros.equilibrium import Equilibrium
-from cable_ros.follower import Follower
-from cable_ros.joint_limits import IGNORE, MODES, REFUSE, WARN, JointLimits
-from cable_ros.overlaps import OUTLINE, Pairs
+from cable_ros.branch import effect_selection
+from cable_ros.branch.cable_tracker import Follower
+from cable_ros.contact.overlaps import OUTLINE, Pairs
+from cable_ros.effects.registry import environments, properties
+from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import Kinematics, Scene, load_scene
-from cable_ros.solve.status import Status
+from cable_ros.scene.joint_limits import IGNORE, MODES, REFUSE, WARN, JointLimits
 
 ABSURD = 1e4
 """Joint values beyond this many rad or m are taken for a fault of the sender, not for a pose."""
@@ -145,11 +144,11 @@ class Tracker:
 
     def _prepare(self, index: int) -> None:
         follower, cable = self._followers[index], self.scene.cables[index]
-        auto_effects.prepare(follower, self.scene, cable, self.kinematics, index)
+        effect_selection.prepare(follower, self.scene, cable, self.kinematics, index)
 
     def _review(self, index: int, found: Equilibrium) -> bool:
         follower, cable = self._followers[index], self.scene.cables[index]
-        return auto_effects.review(follower, self.scene, cable, self.kinematics, index, found)
+        return effect_selection.review(follower, self.scene, cable, self.kinematics, index, found)
 
     def snapshot(self) -> tuple[Follower, ...]:
         """A copy of what the next solve starts from, for `restore`; can be pickled."""

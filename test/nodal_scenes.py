@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_ros.branch.cold_start import Conditions, equilibria
+from cable_ros.contact.distance import BOX, CAPSULE, CYLINDER, PLANE, SPHERE, WIDTH
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.contact_kernels import BOX, CAPSULE, CYLINDER, PLANE, SPHERE, WIDTH
+from cable_ros.contact.travel import FRICTION_STEP
+from cable_ros.rod import quaternion, warm_step
 from cable_ros.solve.trust_region import Options
-from cable_ros.statics import compiled
-from cable_ros.statics.search import Conditions, equilibria
-from cable_ros.statics.travel import FRICTION_STEP
 
 STIFFNESS = np.array([1.3, 1.0, 0.7])
 AHEAD = np.array([1.0, 0.0, 0.0, 0.0])
@@ -28,7 +27,7 @@ def matrix(q: np.ndarray) -> np.ndarray:
 
 
 def obstacle(kind: float, centre, turn=(0.0, 0.0, 0.0), size=(), friction: float = 0.0) -> np.ndarray:
-    """(WIDTH,) as `contact_kernels.gap` takes it; `turn` (3,): rotation vector of its own axes."""
+    """(WIDTH,) as `distance.gap` takes it; `turn` (3,): rotation vector of its own axes."""
     out = np.zeros(WIDTH)
     out[0], out[1:4], out[4:13] = kind, centre, matrix(rotation(turn)).ravel()
     out[13 : 13 + len(size)] = size
@@ -83,7 +82,7 @@ def start(
 
 
 def advance(rod: NodalRod, c: Conditions) -> int:
-    """One step; its code, see `compiled.advance`."""
+    """One step; its code, see `warm_step.advance`."""
     return rod.advance(rod.shape, rod.end_force, c.qe, c.re, c.f, 1e-8, obstacles=c.obstacles)[0]
 
 
@@ -101,7 +100,7 @@ def go(rod: NodalRod, to: Conditions, most: float = 0.4 * FRICTION_STEP) -> Noda
         t = min(1.0, at + part)
         there = Conditions(quaternion.multiply(qe, rotation(t * turn)), re + t * (to.re - re),
                            f + t * (to.f - f), bodies + t * (to.obstacles - bodies))  # fmt: skip
-        if advance(rod, there) == compiled.ADVANCED:
+        if advance(rod, there) == warm_step.ADVANCED:
             at, part = t, min(2.0 * part, longest)
         else:
             part *= 0.5

@@ -12,8 +12,8 @@ from zoo_make import led
 
 from cable_ros import Equilibrium, Status, Tracker
 from cable_ros.bench.cases import case_scene
-from cable_ros.statics import walk
-from cable_ros.statics.rod import Rod
+from cable_ros.branch import continuation
+from cable_ros.rod.kirchhoff import Rod
 
 
 def through_the_fold(step: float, tolerance: float = 1e-6) -> tuple[list[float], list[Equilibrium]]:
@@ -68,7 +68,7 @@ def test_the_snap_is_at_the_same_angle_whatever_the_steps() -> None:
 
 def test_energy_only_falls(monkeypatch: pytest.MonkeyPatch) -> None:
     falls: list[list[float]] = []
-    linearize, fall = Rod.linearize, walk.fall
+    linearize, fall = Rod.linearize, continuation.fall
 
     def spy(*args, **kwargs):
         energies: list[float] = []
@@ -84,7 +84,7 @@ def test_energy_only_falls(monkeypatch: pytest.MonkeyPatch) -> None:
         falls.append(energies)
         return result
 
-    monkeypatch.setattr(walk, "fall", spy)
+    monkeypatch.setattr(continuation, "fall", spy)
     through_the_fold(2.0)
     snap = max(falls, key=lambda energies: energies[0] - energies[-1])
     assert len(snap) > 5

@@ -27,7 +27,6 @@ import zstandard
 from log_samples import START, fill
 
 from cable_ros.cli.log import describe, report
-from cable_ros.joint_limits import JointLimits
 from cable_ros.log.errors import LogError
 from cable_ros.log.events import encode_event
 from cable_ros.log.history import read_history
@@ -38,6 +37,7 @@ from cable_ros.log.resolve import logged_scene, logged_tolerance
 from cable_ros.log.run import LoggedRun
 from cable_ros.log.writer import LogWriter
 from cable_ros.scene import Kinematics, SceneError, load_scene
+from cable_ros.scene.joint_limits import JointLimits
 from cable_ros.scene.text import parse_yaml
 from cable_ros.share import share_file
 

@@ -9,7 +9,7 @@ import pytest
 
 from cable_ros import Status, Tracker
 from cable_ros.joint import joint_load, joint_torque
-from cable_ros.mechanics.quaternion import matrices_from_ros
+from cable_ros.rod.quaternion import matrices_from_ros
 from cable_ros.scene import load_scene
 
 GRAVITY = [0.0, 0.0, -9.81]

@@ -11,8 +11,8 @@ pytest.importorskip("pinocchio", reason="the arm's kinematics need Pinocchio")
 
 from cable_ros import Status, Tracker, load_scene
 from cable_ros.cli.main import main
-from cable_ros.joint_limits import JITTER, SLACK, JointLimit, JointLimits
 from cable_ros.scene import SceneError
+from cable_ros.scene.joint_limits import JITTER, SLACK, JointLimit, JointLimits
 from cable_ros.share import share_file
 
 ARM = str(share_file("config", "space_arm.yaml"))

@@ -13,11 +13,11 @@ from references.reference import Reference
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
-from cable_ros.mechanics.elements import Mesh, reference_element
-from cable_ros.statics.compiled import ADVANCED
-from cable_ros.statics.touch_points import KIND, PLACE, SAMPLE
-from cable_ros.statics.touching import TouchingRod
-from cable_ros.statics.units import Units
+from cable_ros.contact.points import KIND, PLACE, SAMPLE
+from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.rod.elements import Mesh, reference_element
+from cable_ros.rod.units import Units
+from cable_ros.rod.warm_step import ADVANCED
 
 RADIUS, WRAP = 0.15, 1.4
 X, Y = contact.cylinder_centre(RADIUS, WRAP)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cable_ros.cli.main import main
-from cable_ros.requirements import FROM_PIP, missing
+from cable_ros.common.requirements import FROM_PIP, missing
 from cable_ros.ros import start
 
 ROOT = Path(__file__).parents[1]

@@ -21,7 +21,7 @@ from zoo_make import ARM, SKEW, arm, cable, exact, led, solved, turned, without_
 
 from cable_ros.bench.carriage import on_carriage
 from cable_ros.bench.cases import TRUSTED, Case
-from cable_ros.solve.status import Status
+from cable_ros.equilibrium import Status
 
 
 def closed_forms() -> list[Case]:

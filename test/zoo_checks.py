@@ -14,8 +14,8 @@ import numpy as np
 from zoo_make import ARM
 
 from cable_ros.bench.cases import Step, relative_difference
+from cable_ros.equilibrium import Status
 from cable_ros.scene import load_scene
-from cable_ros.solve.status import Status
 from cable_ros.tracker import Tracker
 
 Check = Callable[[list[Step]], "str | None"]

@@ -18,7 +18,7 @@ from zoo_make import ARM, led
 from cable_ros.bench.carriage import JOINTS, carriage_urdf
 from cable_ros.bench.cases import Case
 from cable_ros.bench.contact_fuzz import STEPS, contact_case
-from cable_ros.solve.status import Status
+from cable_ros.equilibrium import Status
 
 BALL = {"name": "ball", "sphere": {"center": [0.092, 0.010, -0.095], "radius": 0.045}}
 SECOND = {"name": "second ball", "sphere": {"center": [0.105, 0.075, -0.070], "radius": 0.042}}

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cable_ros.bench.touching import Surface, contact_fault, pull_fault, surfaces, touches
+from cable_ros.bench.contact_checks import Surface, contact_fault, pull_fault, surfaces, touches
 from cable_ros.bench.verification import Rod, Verification, verify
 from cable_ros.bench.way import Way, shortest
-from cable_ros.equilibrium import Equilibrium
+from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import Scene, load_scene
 from cable_ros.scene.kinematics import Kinematics
-from cable_ros.solve.status import Status
 from cable_ros.tracker import Tracker
 
 Pose = Mapping[str, float]

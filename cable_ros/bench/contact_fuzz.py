@@ -11,8 +11,8 @@ from cable_ros.bench.carriage import JOINTS, on_carriage
 from cable_ros.bench.cases import TRUSTED, Case
 from cable_ros.bench.fuzz import CHORDS, random_cable
 from cable_ros.bench.surfaces import Distance, distance
+from cable_ros.equilibrium import Status
 from cable_ros.scene import load_scene
-from cable_ros.solve.status import Status
 
 STEPS = 5
 """Poses of one scene, the first one solved cold."""

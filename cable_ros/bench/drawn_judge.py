@@ -32,13 +32,12 @@ from cable_ros.bench.cases import (
     relative_difference,
     rods,
 )
+from cable_ros.bench.contact_checks import surfaces
 from cable_ros.bench.drawn import refined
-from cable_ros.bench.touching import surfaces
 from cable_ros.bench.way import shortest
-from cable_ros.equilibrium import Contact, Equilibrium
+from cable_ros.equilibrium import Contact, Equilibrium, Status
 from cable_ros.scene import Scene
 from cable_ros.scene.kinematics import Kinematics
-from cable_ros.solve.status import Status
 from cable_ros.tracker import Tracker
 
 FINER = 4

@@ -18,7 +18,7 @@ import numpy as np
 
 from cable_ros.baselines import bvp
 from cable_ros.baselines.result import BaselineResult, ClampedCable, from_equilibrium, relative_wrench_error
-from cable_ros.bench import effects
+from cable_ros.bench import effect_variants
 from cable_ros.bench.methods import Method, OurTracker, Outcome, PlainBvp, Pose, Published, SolveBvp
 from cable_ros.scene import Kinematics, Scene
 from cable_ros.scene.text import parse_yaml
@@ -115,7 +115,7 @@ class Bench:
         self.scene, self.size, self.tick = scene, size, tick
         self.whole = path
         self.path = path[: size.poses]
-        self.plain = effects.plain(scene)
+        self.plain = effect_variants.plain(scene)
         """Whether the baselines can solve the scene; else references are our own, of tight tolerance."""
         self.agreement = 0.0
         """Largest relative difference between a reference of the diagram and the tightest tracker."""
@@ -161,7 +161,7 @@ class Bench:
 
     def effects(self) -> Iterator[Row]:
         """The default tolerance with one effect after the other; with a ball, the poses that touch it."""
-        for label, scene in effects.variants(self.scene, self.path[len(self.path) // 2]):
+        for label, scene in effect_variants.variants(self.scene, self.path[len(self.path) // 2]):
             yield from self._ours("effect", label, 0.0, scene, self.path)
 
     def gravity(self) -> Iterator[Row]:
@@ -173,7 +173,9 @@ class Bench:
         for number in self.size.gravity_numbers:
             if per_gravity > 0:
                 gravity = number / per_gravity * direction
-                scene = effects.edited(self.scene, {"gravity": gravity.tolist()}, effects.nothing)
+                scene = effect_variants.edited(
+                    self.scene, {"gravity": gravity.tolist()}, effect_variants.nothing
+                )
                 label, others = f"w L^3/EI = {number:g}", [SolveBvp(1e-3)] if self.plain else []
                 yield from self._ours("gravity", label, number, scene, self.path, *others)
 
@@ -193,7 +195,7 @@ class Bench:
         for count in self.size.cables:
             first = parse_yaml(self.scene.text, self.scene.source)["cables"][0]
             copies = [{**first, "name": f"cable{i}"} for i in range(count)]
-            scene = effects.edited(self.scene, {"cables": copies}, effects.nothing)
+            scene = effect_variants.edited(self.scene, {"cables": copies}, effect_variants.nothing)
             yield from self._ours("cables", f"{count} cables", count, scene, self.path)
 
     def _ours(
@@ -210,7 +212,7 @@ class Bench:
         with_reference = set(
             np.linspace(0, len(path) - 1, min(references, len(path))).round().astype(int).tolist()
         )
-        comparable = effects.plain(scene)
+        comparable = effect_variants.plain(scene)
         leader = Tracker(scene, TIGHTEST if comparable else TIGHT, 201)
         poses = []
         for i, values in enumerate(path):

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from cable_ros.bench.precision import Row
-from cable_ros.plots import STYLE
+from cable_ros.drawing.figures import STYLE
 
 COLOURS = {
     "cable_ros": "#0072B2",

@@ -21,8 +21,7 @@ from cable_ros.bench.drawn_judge import run_drawn
 from cable_ros.bench.fuzz import STEPS, cold_case, tracked_case
 from cable_ros.bench.machine import describe
 from cable_ros.bench.markdown import markdown_table, write_between
-from cable_ros.equilibrium import Equilibrium
-from cable_ros.solve.status import Status
+from cable_ros.equilibrium import Equilibrium, Status
 
 Each = TypeVar("Each")
 SHARE = 0.999

@@ -72,10 +72,10 @@ def run(args: argparse.Namespace) -> int:
 
     from tqdm import tqdm
 
-    from cable_ros import plots
     from cable_ros.bench.machine import describe
     from cable_ros.bench.precision import FULL, QUICK, TIGHT, Bench, write_csv
     from cable_ros.bench.precision_figure import figure
+    from cable_ros.drawing import figures
     from cable_ros.scene import Kinematics, load_scene
     from cable_ros.share import share_file
 
@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
     write_csv(args.out / "precision.csv", rows, facts)
     name = Path(scene.source).stem
     picture = figure(rows, f"What accuracy costs: {name}", facts)
-    print(f"{args.out / 'precision.csv'}, {plots.save(picture, args.out / 'precision.png')}")
+    print(f"{args.out / 'precision.csv'}, {figures.save(picture, args.out / 'precision.png')}")
     return 0
 
 

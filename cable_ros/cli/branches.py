@@ -45,7 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from cable_ros.branches import branches
+    from cable_ros.branch.enumeration import branches
     from cable_ros.scene import Kinematics, load_scene
 
     if args.out.suffix not in PICTURES:
@@ -83,7 +83,7 @@ def describe(name: str, found: Sequence[Equilibrium]) -> str:
 
 def draw(found: Mapping[str, Sequence[Equilibrium]], pose: str, out: Path) -> None:
     """The shapes of all of them, coloured by energy, as a picture."""
-    from cable_ros.plots import Shape, save, shapes_figure
+    from cable_ros.drawing.figures import Shape, save, shapes_figure
 
     shapes = []
     for name, ones in found.items():

@@ -13,7 +13,7 @@ from cable_ros.cli._arguments import add_command, add_pose, add_tolerance, joint
 from cable_ros.cli.solve import engineering
 
 if TYPE_CHECKING:
-    from cable_ros.explain import Explained, Explanation
+    from cable_ros.contributions import Explained, Explanation
 
 EXAMPLE = """example:
   cable explain config/space_arm.yaml --joint orientation=30deg
@@ -40,7 +40,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from cable_ros.explain import explain
+    from cable_ros.contributions import explain
     from cable_ros.scene import Kinematics, load_scene
 
     scene = load_scene(args.scene)

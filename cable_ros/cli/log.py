@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cable_ros.cli._arguments import add_command
-from cable_ros.printable import escaped, one_line
+from cable_ros.common.printable import escaped, one_line
 
 if TYPE_CHECKING:
     from cable_ros.log.reader import LogReader

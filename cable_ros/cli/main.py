@@ -12,8 +12,8 @@ from importlib import metadata
 from typing import Any, NoReturn
 
 import cable_ros.cli
-from cable_ros.printable import one_line
-from cable_ros.requirements import missing
+from cable_ros.common.printable import one_line
+from cable_ros.common.requirements import missing
 
 INTERRUPTED = 130  # 128 + SIGINT, and the like for SIGPIPE: what a shell reports for a program they end
 BROKEN_PIPE = 141

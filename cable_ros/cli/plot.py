@@ -13,8 +13,8 @@ import numpy as np
 from cable_ros.cli._arguments import add_command
 
 if TYPE_CHECKING:
+    from cable_ros.drawing.figures import Abscissa, Shape
     from cable_ros.log.history import History
-    from cable_ros.plots import Abscissa, Shape
     from cable_ros.scene import Scene
 
 EXAMPLE = """example:
@@ -51,8 +51,8 @@ def draw(log: Path, out: Path) -> list[Path]:
     Raises:
         LogError: the log cannot be read or has no wrenches.
     """
+    from cable_ros.drawing.figures import Abscissa, literal, save, shapes_figure, wrench_figure
     from cable_ros.log.history import read_history
-    from cable_ros.plots import Abscissa, literal, save, shapes_figure, wrench_figure
 
     history = read_history(log)
     scene = scene_of(log)
@@ -118,8 +118,8 @@ def abscissa_values(history: History, name: str | None) -> np.ndarray:
 
 def chosen_shapes(log: Path, history: History, values: np.ndarray, abscissa: Abscissa) -> Iterator[Shape]:
     """Each cable's polylines at round values of the joint, or the last one where nothing moves."""
+    from cable_ros.drawing.figures import Shape, round_values
     from cable_ros.log.history import read_polyline
-    from cable_ros.plots import Shape, round_values
 
     for cable, solves in history.polylines.items():
         if not len(solves):

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cable_ros.arguments import from_zero
 from cable_ros.cli._arguments import CommandError, add_command
+from cable_ros.common.arguments import from_zero
 from cable_ros.share import scene_path
 
 if TYPE_CHECKING:
@@ -154,8 +154,8 @@ def _differences(logged: LoggedRun) -> list[str]:
 
 
 def _what_if(logged: LoggedRun, scene: Scene, path: Path, folder: Path) -> None:
+    from cable_ros.drawing.figures import save
     from cable_ros.log.resolve import Outcome
-    from cable_ros.plots import save
     from cable_ros.ros.what_if_log import WhatIfLog
 
     stem = f"{Path(logged.name).stem}_with_{path.stem}"
@@ -202,7 +202,7 @@ class Sample:
 def side_by_side(samples: Sequence[Sample], log: LogReader, name: str) -> Figure:
     """The end wrenches of every cable, as logged and under another scene, with the same axes."""
     from cable_ros.cli.plot import moving_joints, scene_of
-    from cable_ros.plots import Abscissa, wrench_figure
+    from cable_ros.drawing.figures import Abscissa, wrench_figure
 
     joints = list(samples[0].joints)
     values = np.array([[sample.joints[joint] for joint in joints] for sample in samples])

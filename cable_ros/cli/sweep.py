@@ -120,8 +120,8 @@ def grid(ranges: Sequence[tuple[str, np.ndarray]], joint_names: Sequence[str]) -
 
 def beyond_limits(ranges: Sequence[tuple[str, np.ndarray]], scene: Scene) -> Iterator[str]:
     """A sentence for each end of a joint's range that is outside the URDF's limits."""
-    from cable_ros.joint_limits import JointLimits
     from cable_ros.scene import Kinematics
+    from cable_ros.scene.joint_limits import JointLimits
 
     limits = {limit.name: limit for limit in JointLimits(scene, Kinematics(scene).joint_names).joints}
     for name, values in ranges:

@@ -1,1 +1,1 @@
-"""Contact at material points: the formulation that carries a step and keeps friction's history."""
+"""A rod among obstacles: contact points on an active set, and contacts at fixed material points."""

@@ -1,6 +1,6 @@
 """Compiled: equilibrium, contact and Coulomb friction of a rod whose contacts sit at fixed material points.
 
-The rod of `mechanics.kernels` in a mixed formulation: positions and internal forces are unknowns beside the
+The rod of `rod.energy_kernels` in a mixed formulation: positions and internal forces are unknowns beside the
 frames. All unknowns of a place of the cable stand together, and the tangent is banded:
 
     g(q, F) = 0                               moments, the gradient of the Lagrangian by the frames
@@ -24,15 +24,15 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.contact_kernels import across, gap
-from cable_ros.mechanics.elements import LANES
-from cable_ros.mechanics.kernels import gradient
+from cable_ros.contact.distance import across, gap
+from cable_ros.rod import quaternion
+from cable_ros.rod.elements import LANES
+from cable_ros.rod.energy_kernels import gradient
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 FRICTION = 17
-"""Column of an obstacle that holds its coefficient of friction, see `contact_kernels.WIDTH`."""
+"""Column of an obstacle that holds its coefficient of friction, see `distance.WIDTH`."""
 COMPLIANCE = 1e-6
 """L^3 / EI: what sticks gives way by so much per force, less than a grid can tell. With 1e-8 the borders
 between stick and slip move place by place: Newton's method takes twice as long or does not get there."""

@@ -8,7 +8,7 @@ from cable_ros.compilation import njit
 from cable_ros.contact.nodal_kernels import residuals
 from cable_ros.contact.nodal_tangent import jacobian
 from cable_ros.linalg.band_lu import band_factor, band_solve
-from cable_ros.mechanics import quaternion
+from cable_ros.rod import quaternion
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 

@@ -17,10 +17,10 @@ import numpy as np
 from cable_ros.contact.nodal_kernels import residuals
 from cable_ros.contact.nodal_state import Band, Model, Rows, State, Step, Tangents, Work
 from cable_ros.contact.nodal_tangent import jacobian, press_tangent
+from cable_ros.contact.response import cross_matrix
+from cable_ros.contact.response_kernels import columns
 from cable_ros.linalg.band_lu import band_factor, band_solve
-from cable_ros.mechanics import quaternion
-from cable_ros.statics.contact_response import cross_matrix
-from cable_ros.statics.contact_response_kernels import columns
+from cable_ros.rod import quaternion
 
 SLID = 1e8
 """Lengths over which what slips counts as having slipped: no small motion turns its direction."""
@@ -48,7 +48,7 @@ def wrench_response(
 ) -> np.ndarray:  # fmt: skip
     """Derivative (12 + 6 k, 12 + 6 k) of the wrenches on the cable by motions of clamps and obstacles.
 
-    Rows and columns as in `contact_response.wrench_response`; NaN if the equations are singular.
+    Rows and columns as in `response.wrench_response`; NaN if the equations are singular.
 
     Args:
         state: an equilibrium.

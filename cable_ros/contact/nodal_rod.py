@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_ros.contact.distance import gap, gaps
 from cable_ros.contact.nodal_kernels import (
     COMPLIANCE,
     FRICTION,
@@ -28,17 +29,14 @@ from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_
 from cable_ros.contact.nodal_stability import ITERATIONS, softest
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
+from cable_ros.contact.travel import FRICTION_LEAST, FRICTION_STEP, SHORTER, stride, travel
 from cable_ros.linalg.band_lu import band_factor
-from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.contact import gaps
-from cable_ros.mechanics.effects.contact_kernels import gap
-from cable_ros.mechanics.elements import Mesh, reference_element
+from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod.elements import Mesh, reference_element
+from cable_ros.rod.initial_shapes import SIDE
+from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.units import relative_change
 from cable_ros.solve.trust_region import Options
-from cable_ros.statics import compiled
-from cable_ros.statics.guess import SIDE
-from cable_ros.statics.rod import Rod
-from cable_ros.statics.travel import FRICTION_LEAST, FRICTION_STEP, SHORTER, stride, travel
-from cable_ros.statics.units import relative_change
 
 FEWEST, MOST = 80, 192
 """Number of places where it may touch."""
@@ -61,7 +59,7 @@ SEED = 2e-5
 """Motion, lengths, by which stick gives way at most while an equilibrium of another rod is taken over. What
 sticks hardly moves, and friction along a patch hardly changes."""
 ASIDE = 0.05
-"""Part of the weight, and of 1 EI / L^3, that acts aside at first, see `guess.SIDE`."""
+"""Part of the weight, and of 1 EI / L^3, that acts aside at first, see `initial_shapes.SIDE`."""
 FAINT = 1e-2
 """Friction, EI / L^2, that counts as none there."""
 TOLERANCE = 1e-8
@@ -235,11 +233,11 @@ class NodalRod(Rod):
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """One step from the last equilibrium, which (q, F) must be; see `compiled.advance`."""
+        """One step from the last equilibrium, which (q, F) must be; see `warm_step.advance`."""
         assert obstacles is not None
         way = travel(self.qe, self.re, self._under, qe, re, obstacles)
         if way > STEP:
-            return compiled.TOO_FAR, 0, q, F
+            return warm_step.TOO_FAR, 0, q, F
         known, self.stride = self._known(), 2.0
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
         flown = None
@@ -250,26 +248,26 @@ class NodalRod(Rod):
             code = code if flown is None else CONVERGED
         self.work -= self.cost * iterations * len(self.elastic)
         if code != CONVERGED:
-            return compiled.NOT_CONTRACTING, iterations, q, F
+            return warm_step.NOT_CONTRACTING, iterations, q, F
         if flown is None and not self.follows:
             self.stride = stride(self._friction_change(known.state))
             if self.stride < SHORTER and way > FRICTION_LEAST:
                 self._return(known)
-                return compiled.TOO_FAR, iterations, q, F
+                return warm_step.TOO_FAR, iterations, q, F
         leapt = np.abs(self.state.r - known.state.r).max() > LEAP * way + LEAST_LEAP
         turned = np.abs(np.sum(known.state.q * self.state.q, axis=1)).min() < np.cos(0.5 * limit)
         if leapt or turned:
             # Newton's method has no line search and can end on another branch
             self._return(known)
-            return compiled.NOT_CONTRACTING, iterations, q, F
+            return warm_step.NOT_CONTRACTING, iterations, q, F
         if not self._stable():
             # on the way the branch has lost its stability, as a straight cable that is pressed
             self._return(known)
-            return compiled.NOT_CONVEX, iterations, q, F
+            return warm_step.NOT_CONVEX, iterations, q, F
         self.before.take(known.state)
         self._moved = True
         iterations += self._advance_twin(qe, re, f, obstacles)
-        return compiled.ADVANCED, iterations, self.state.q.copy(), self.state.F[-1].copy()
+        return warm_step.ADVANCED, iterations, self.state.q.copy(), self.state.F[-1].copy()
 
     def _friction_change(self, before: State) -> float:
         """How much the friction of what slips has changed since `before` across the cable, see `travel`."""
@@ -291,7 +289,7 @@ class NodalRod(Rod):
         if twin is None or travel(twin.qe, twin.re, twin._under, qe, re, obstacles) < CORNER * STEP:
             return 0
         code, iterations, _, _ = twin.advance(twin.state.q, twin.state.F[-1], qe, re, f, 0.0, 0.6, obstacles)
-        if code != compiled.ADVANCED:
+        if code != warm_step.ADVANCED:
             self.pair()
             return iterations
         self._compare(twin)

@@ -14,7 +14,7 @@ import numpy as np
 
 from cable_ros.compilation import LEAF, njit
 from cable_ros.contact.nodal_state import Rows, Tangents
-from cable_ros.solve import banded
+from cable_ros.linalg import banded
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 

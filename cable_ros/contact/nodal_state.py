@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.mechanics.kernels import workspace
+from cable_ros.rod.energy_kernels import workspace
 
 ORDER = 2
 """Order of the elements: the grid of contacts limits the accuracy, not the rod."""
@@ -73,7 +73,7 @@ class Step(NamedTuple):
     f: np.ndarray
     """(3,) load per length, EI / L^3."""
     obstacles: np.ndarray
-    """(o, WIDTH), see `contact_kernels.gap`."""
+    """(o, WIDTH), see `distance.gap`."""
     carried: np.ndarray
     """(m + 1, o, 3) where each boundary would be, L, had it been carried by each obstacle since then."""
     turned: np.ndarray
@@ -100,11 +100,11 @@ class Work(NamedTuple):
     g: np.ndarray
     """(n, 3) residual moments, EI / L; at the first and last node the moments of the clamps on the cable."""
     radial: np.ndarray
-    """(n,) see `mechanics.kernels.gradient`."""
+    """(n,) see `rod.energy_kernels.gradient`."""
     acc: np.ndarray
     """(n, 4) gradient by the nodal quaternions."""
     lanes: np.ndarray
-    """See `mechanics.kernels.workspace`."""
+    """See `rod.energy_kernels.workspace`."""
     totals: np.ndarray
     """(5,) sum of the tangents at 0 to 2, elastic energy, EI / L, at 3, total twist, rad, at 4."""
     way: np.ndarray
@@ -120,7 +120,7 @@ class Work(NamedTuple):
 
 
 class Tangents(NamedTuple):
-    """Parts of the rod's tangent, see `mechanics.kernels.hessian`."""
+    """Parts of the rod's tangent, see `rod.energy_kernels.hessian`."""
 
     elastic: np.ndarray
     """(3n, b) second derivative of the elastic energy by the nodal rotations, lower band."""

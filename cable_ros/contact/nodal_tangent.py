@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
+from cable_ros.contact.distance import gap
 from cable_ros.contact.nodal_kernels import (
     FRICTION,
     OPEN,
@@ -22,9 +23,8 @@ from cable_ros.contact.nodal_kernels import (
     slid,
     tangent_frame,
 )
-from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.contact_kernels import gap
-from cable_ros.mechanics.kernels import hessian
+from cable_ros.rod import quaternion
+from cable_ros.rod.energy_kernels import hessian
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 

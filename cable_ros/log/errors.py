@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 from pathlib import Path
 
-from cable_ros.printable import one_line
+from cable_ros.common.printable import one_line
 
 RECOVER = "what it already holds can be saved with 'cable log recover {path}'"
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
+from cable_ros.common.regular_file import open_regular
 from cable_ros.log.errors import LogError, describe
 from cable_ros.log.records import has_magic
-from cable_ros.regular_file import open_regular
 
 
 class LogFile(io.BufferedReader):

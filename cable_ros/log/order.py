@@ -11,14 +11,7 @@ from mcap import records
 from mcap.opcode import Opcode
 from mcap.summary import Summary
 
-from cable_ros.log.chunks import (
-    MOST_RECORD_BYTES,
-    RECORD_COST,
-    Allowance,
-    ChunkError,
-    open_chunk,
-    read_chunk,
-)
+from cable_ros.log.chunks import MOST_RECORD_BYTES, RECORD_COST, Allowance, ChunkError, open_chunk, read_chunk
 from cable_ros.log.records import Damage, whole_records
 
 MOST_HELD = 512 << 20

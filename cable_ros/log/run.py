@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from cable_ros.log.cdr import JOINT_STATE
 from cable_ros.log.errors import LogError
 from cable_ros.log.events import EVENTS, SOLVED_JOINTS, STRING, decode_event
+from cable_ros.log.joint_state_cdr import JOINT_STATE
 from cable_ros.log.reader import LoggedMessage, LoggedTopic, LogReader
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"

@@ -9,9 +9,9 @@ from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 
-from cable_ros.log.cdr import JOINT_STATE, trim_joint_state
 from cable_ros.log.definitions import message_definition
 from cable_ros.log.errors import RECOVER, LogError, describe
+from cable_ros.log.joint_state_cdr import JOINT_STATE, trim_joint_state
 from cable_ros.log.mcap_writer import MESSAGE_HEAD, Chunk
 from cable_ros.log.part import Contents, Part, Topic
 

@@ -26,7 +26,7 @@ from visualization_msgs.msg import MarkerArray
 from cable_ros.log import events
 from cable_ros.ros import parameters
 from cable_ros.ros.cable_outputs import LATCHED, STREAM
-from cable_ros.ros.cdr import serialise
+from cable_ros.ros.cdr_template import serialise
 from cable_ros.ros.frame_names import Frames, root_frame
 from cable_ros.ros.frames import tf_static, tf_static_outlet
 from cable_ros.ros.health import Health

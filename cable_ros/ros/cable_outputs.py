@@ -10,12 +10,11 @@ from geometry_msgs.msg import TransformStamped, WrenchStamped
 from nav_msgs.msg import Path
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from cable_ros.equilibrium import Equilibrium
+from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.ros.frame_names import Frames
 from cable_ros.ros.messages import PathMessage, WrenchMessage, clamp_transform, diagnostic
 from cable_ros.ros.recorder import Outlet
 from cable_ros.scene.model import Cable
-from cable_ros.solve.status import Status
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from geometry_msgs.msg import TransformStamped
 
 from cable_ros.ros.cable_outputs import LATCHED
-from cable_ros.ros.cdr import serialise
+from cable_ros.ros.cdr_template import serialise
 from cable_ros.ros.recorder import Outlet
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from cable_ros.joint_limits import JointLimit
+from cable_ros.scene.joint_limits import JointLimit
 
 
 class JointMotion:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cable_ros.printable import one_line
-from cable_ros.ros.cdr import Reader
+from cable_ros.common.printable import one_line
+from cable_ros.ros.cdr_template import Reader
 from cable_ros.ros.joint_motion import JointMotion
 
 _NANO = 1_000_000_000

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from cable_ros.equilibrium import Equilibrium
+from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.joint import joint_load, joint_torque
-from cable_ros.joint_limits import IGNORE
 from cable_ros.ros.cable_outputs import CableOutputs
 from cable_ros.ros.environment import Environment
 from cable_ros.ros.frame_names import Frames
@@ -24,9 +23,9 @@ from cable_ros.ros.obstacle_markers import ObstacleMarkers
 from cable_ros.ros.recorder import Outlet
 from cable_ros.ros.status_message import StatusMessage
 from cable_ros.scene.errors import SceneError
+from cable_ros.scene.joint_limits import IGNORE
 from cable_ros.scene.model import Scene
 from cable_ros.share import share_file
-from cable_ros.solve.status import Status
 from cable_ros.tracker import Tracker
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cable_ros.equilibrium import Equilibrium
-from cable_ros.mechanics.quaternion import matrices_from_ros
-from cable_ros.ros.cdr import Template, serialise
+from cable_ros.rod.quaternion import matrices_from_ros
+from cable_ros.ros.cdr_template import Template, serialise
 from cable_ros.ros.messages import set_stamp
 from cable_ros.scene.model import Cable
 

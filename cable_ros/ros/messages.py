@@ -15,7 +15,7 @@ from nav_msgs.msg import Path
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from cable_ros.ros.cdr import Template
+from cable_ros.ros.cdr_template import Template
 from cable_ros.scene.model import Mount
 
 _NANO = 1_000_000_000

@@ -6,8 +6,8 @@ import numpy as np
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cable_ros.mechanics.quaternion import between, from_ros, multiply, rotate, to_ros
-from cable_ros.ros.cdr import Template
+from cable_ros.rod.quaternion import between, from_ros, multiply, rotate, to_ros
+from cable_ros.ros.cdr_template import Template
 from cable_ros.ros.messages import set_stamp
 from cable_ros.scene.model import Scene
 from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, Sphere

@@ -14,7 +14,7 @@ from rclpy.exceptions import InvalidTopicNameException, ParameterException
 from rclpy.parameter import Parameter
 from rclpy.validate_topic_name import validate_topic_name
 
-from cable_ros.joint_limits import MODES, WARN
+from cable_ros.scene.joint_limits import MODES, WARN
 from cable_ros.share import scene_path
 
 if TYPE_CHECKING:

@@ -27,12 +27,12 @@ from rclpy.utilities import remove_ros_args
 from rclpy.validate_topic_name import validate_topic_name
 from tqdm import tqdm
 
-from cable_ros.arguments import from_zero
+from cable_ros.common.arguments import from_zero
+from cable_ros.common.printable import one_line
 from cable_ros.log.definitions import TYPE_NAME
 from cable_ros.log.errors import LogError
 from cable_ros.log.qos import qos_from_yaml
 from cable_ros.log.reader import LoggedMessage, LoggedTopic, LogReader
-from cable_ros.printable import one_line
 from cable_ros.ros.lifetime import Lifetime
 
 _CLOCK = "/clock"

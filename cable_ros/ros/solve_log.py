@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cable_ros.log.cdr import JOINT_STATE
 from cable_ros.log.errors import LogError
 from cable_ros.log.events import encode_solved_joints
 from cable_ros.log.host import host_facts
+from cable_ros.log.joint_state_cdr import JOINT_STATE
 from cable_ros.log.reader import SCENE, URDF
 from cable_ros.log.run import CLAMPS, PATH, WRENCH
 from cable_ros.log.writer import LogWriter

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from cable_ros.requirements import missing
+from cable_ros.common.requirements import missing
 
 
 def cable_node() -> int:

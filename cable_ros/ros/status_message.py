@@ -12,11 +12,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from cable_ros.equilibrium import Equilibrium
+from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.ros.cable_outputs import level
-from cable_ros.ros.cdr import Template
+from cable_ros.ros.cdr_template import Template
 from cable_ros.ros.messages import set_stamp
-from cable_ros.solve.status import Status
 
 CODES = {
     Status.CONVERGED: 0,

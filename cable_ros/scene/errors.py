@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable
 from itertools import islice
 
-from cable_ros.printable import one_line
+from cable_ros.common.printable import one_line
 
 LONGEST_COMPARED = 100
 MOST_COMPARED = 1000

@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from cable_ros.regular_file import NotRegularFileError, open_regular
+from cable_ros.common.regular_file import NotRegularFileError, open_regular
 from cable_ros.scene.caps import DEEPEST_VALUE, MOST_MERGED, MOST_SCENE_CHARACTERS, MOST_VALUES
 from cable_ros.scene.errors import SceneError
 

@@ -5,13 +5,7 @@ import pytest
 
 from baselines.cases import arm
 from cable_ros.baselines import bvp, published
-from cable_ros.baselines.published_contact import (
-    SphereDifferences,
-    lifted,
-    middle,
-    solve_contact,
-    touching,
-)
+from cable_ros.baselines.published_contact import SphereDifferences, lifted, middle, solve_contact, touching
 from cable_ros.scene.obstacles import Sphere
 
 BALL = Sphere(np.array([0.092, 0.010, -0.095]), 0.045)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cable_ros.bench.cases import run_case
+from cable_ros.bench.contact_checks import surfaces
 from cable_ros.bench.contact_fuzz import contact_case
 from cable_ros.bench.fuzz import cold_case, tracked_case
 from cable_ros.bench.markdown import MarkdownError, write_between
 from cable_ros.bench.robustness import Tally
-from cable_ros.bench.touching import surfaces
 from cable_ros.cli.main import main
 from cable_ros.scene import load_scene
 from cable_ros.scene.kinematics import Kinematics

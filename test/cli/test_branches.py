@@ -10,7 +10,7 @@ from zoo_make import cable, turned
 
 pytest.importorskip("matplotlib")
 
-from cable_ros.branches import branches
+from cable_ros.branch.enumeration import branches
 from cable_ros.cli.main import main
 from cable_ros.scene import load_scene
 from cable_ros.share import share_file

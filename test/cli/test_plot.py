@@ -11,8 +11,8 @@ pytest.importorskip("sensor_msgs")
 from cable_ros.batch import solve_many
 from cable_ros.cli.main import main
 from cable_ros.cli.plot import abscissa_values, chosen_shapes, leading_joint, moving_joints, scene_of
+from cable_ros.drawing.figures import Abscissa
 from cable_ros.log.history import History, read_history, read_polyline
-from cable_ros.plots import Abscissa
 from cable_ros.scene import load_scene
 from cable_ros.share import share_file
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from nodal_scenes import go, ground, rotation, wrench
 
+from cable_ros.branch.cold_start import Conditions, Found, equilibria, refine
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.statics.search import Conditions, Found, equilibria, refine
-from cable_ros.statics.touch_points import FORCE, FRICTION, OBSTACLE, PLACE
-from cable_ros.statics.units import relative_change
+from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE
+from cable_ros.rod.units import relative_change
 
 K = np.array([1.0, 1.0, 0.75])
 LYING = Conditions(

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from nodal_scenes import advance, go, ground, matrix, pressed, raised, rotation, start
 
+from cable_ros.branch.cold_start import Conditions
+from cable_ros.branch.results import tangent
 from cable_ros.contact.nodal_kernels import FRICTION
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.mechanics import quaternion
-from cable_ros.results import tangent
-from cable_ros.statics import compiled
-from cable_ros.statics.contact_response import cross_matrix
-from cable_ros.statics.search import Conditions
-from cable_ros.statics.units import Units
+from cable_ros.contact.response import cross_matrix
+from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod.units import Units
 
 STEP = 4e-6
 """Of the differences, lengths and rad: their error is about its square times the third derivative."""
@@ -61,7 +60,7 @@ def after(rod: NodalRod, motion: np.ndarray, moving: int) -> np.ndarray:
         quaternion.multiply(rotation(-turn), qe), R @ (re - shift), R @ rod.f,
         rigid(bodies, -R @ shift, -turn),
     )  # fmt: skip
-    assert advance(new, there) == compiled.ADVANCED
+    assert advance(new, there) == warm_step.ADVANCED
     return wrenches(new, moving, turn, shift)
 
 

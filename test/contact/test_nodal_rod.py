@@ -21,16 +21,15 @@ from nodal_scenes import (
 from references import contact
 from references.reference import Reference
 
+from cable_ros.branch.cold_start import Conditions, refine, settle
+from cable_ros.branch.continuation import fall
+from cable_ros.contact.distance import gap
 from cable_ros.contact.nodal_kernels import COMPLIANCE
 from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.linalg import banded
 from cable_ros.linalg.band_lu import band_solve
-from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.contact_kernels import gap
-from cable_ros.solve import banded
+from cable_ros.rod import quaternion, warm_step
 from cable_ros.solve.trust_region import Options
-from cable_ros.statics import compiled
-from cable_ros.statics.search import Conditions, refine, settle
-from cable_ros.statics.walk import fall
 
 HEAVY = Conditions(
     rotation([0.1, -0.2, 0.15]), np.array([0.05, 0.04, 0.92]), np.array([-30.0, 2.1, 0.0]),
@@ -180,7 +179,7 @@ def test_the_energy_is_that_of_the_conditions_whatever_was_asked_in_between() ->
         new = rod.snapshot()()
         assert isinstance(new, NodalRod)
         re = rod.re + [0.0, 0.0, sign * step]
-        assert advance(new, Conditions(rod.qe, re, rod.f, rod._under)) == compiled.ADVANCED
+        assert advance(new, Conditions(rod.qe, re, rod.f, rod._under)) == warm_step.ADVANCED
         sides.append(float(new.totals[3]))
     assert (sides[0] - sides[1]) / (2 * step) == pytest.approx(rod.end_force[2], rel=1e-5)
     rod.stability_margin()
@@ -259,11 +258,11 @@ def test_a_fall_lands_where_the_free_rods_does() -> None:
     while size > 1e-4:
         c = there(yaw + size)
         code, _, q_new, F_new = free.advance(q, F, c.qe, c.re, c.f, 1e-8)
-        if code != compiled.ADVANCED or not free.refactor(q_new, F_new):
+        if code != warm_step.ADVANCED or not free.refactor(q_new, F_new):
             assert free.refactor(q, F)
             size *= 0.5
             continue
-        assert advance(rod, c) == compiled.ADVANCED
+        assert advance(rod, c) == warm_step.ADVANCED
         yaw, q, F = yaw + size, q_new, F_new
     assert yaw > 0.2
     beyond = there(yaw + 0.02)
@@ -324,7 +323,7 @@ def test_what_is_unstable_is_told_and_no_step_ends_there() -> None:
         )
         known, before = rod._known(), rod.state.copy()
         code = advance(rod, there)
-        if code == compiled.ADVANCED:
+        if code == warm_step.ADVANCED:
             lift += size
             assert margins(rod)[0] > 0.0
             continue

@@ -9,13 +9,13 @@ import pytest
 from nodal_scenes import STIFFNESS, rotation, shapes
 from references import plain_rod
 
+from cable_ros.contact.distance import gap
 from cable_ros.contact.nodal_kernels import OPEN, SLIP, STICK, TURNING, YIELD, residuals
 from cable_ros.contact.nodal_newton import move
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.nodal_state import State, Step
 from cable_ros.contact.nodal_tangent import jacobian
-from cable_ros.mechanics import quaternion
-from cable_ros.mechanics.effects.contact_kernels import gap
+from cable_ros.rod import quaternion
 
 CELLS = 6
 STEP = 1e-6

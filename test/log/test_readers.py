@@ -12,7 +12,7 @@ from mcap.reader import SeekingReader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
-from cable_ros.log.cdr import trim_joint_state
+from cable_ros.log.joint_state_cdr import trim_joint_state
 from cable_ros.log.reader import LogReader
 from cable_ros.log.writer import LogWriter
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cable_ros.statics.search import Conditions, Found, equilibria, refine
-from cable_ros.statics.units import Units, relative
+from cable_ros.branch.cold_start import Conditions, Found, equilibria, refine
+from cable_ros.rod.units import Units, relative
 
 
 @dataclass(frozen=True)

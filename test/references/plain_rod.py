@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.mechanics.elements import Mesh, lagrange
+from cable_ros.rod.elements import Mesh, lagrange
 
 STEP = 1e-30
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from cable_ros.equilibrium import Overlap
-from cable_ros.results import failed
+from cable_ros.branch.results import failed
+from cable_ros.equilibrium import Overlap, Status
 from cable_ros.ros.cable_outputs import level
-from cable_ros.solve.status import Status
 
 
 def test_cables_that_overlap_are_a_warning_and_no_less_than_their_status() -> None:

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
-from cable_ros.joint_limits import JointLimit
 from cable_ros.ros.joint_motion import JointMotion
 from cable_ros.ros.joint_states import JointStates, LostMessages
+from cable_ros.scene.joint_limits import JointLimit
 
 
 def message(names, position, stamp=1_000_000_000, **fields):

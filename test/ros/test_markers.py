@@ -14,7 +14,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cable_ros import Tracker, load_scene
-from cable_ros.mechanics.quaternion import matrices_from_ros
+from cable_ros.rod.quaternion import matrices_from_ros
 from cable_ros.ros.markers import CableMarkers, bending_moments
 from cable_ros.ros.obstacle_markers import ObstacleMarkers
 from cable_ros.scene.kinematics import Kinematics

@@ -21,7 +21,7 @@ from visualization_msgs.msg import MarkerArray
 
 from cable_ros.log.events import decode_event, encode_event, encode_solved_joints
 from cable_ros.ros import messages
-from cable_ros.ros.cdr import HEADER, Template, serialise
+from cable_ros.ros.cdr_template import HEADER, Template, serialise
 from cable_ros.ros.frames import tf_static
 from cable_ros.scene.model import Mount
 

@@ -14,11 +14,10 @@ pytest.importorskip("rclpy", reason="rclpy is not on this machine")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
 
-from cable_ros.equilibrium import Overlap
-from cable_ros.results import failed
+from cable_ros.branch.results import failed
+from cable_ros.equilibrium import Overlap, Status
 from cable_ros.ros.cable_outputs import level
 from cable_ros.ros.status_message import CODES, NUMBERS, StatusMessage
-from cable_ros.solve.status import Status
 
 SECOND = 1_000_000_000
 

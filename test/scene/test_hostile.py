@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from cable_ros.printable import MOST_CHARACTERS, one_line
+from cable_ros.common.printable import MOST_CHARACTERS, one_line
 from cable_ros.scene import Kinematics, SceneError, load_scene
 from cable_ros.scene.caps import LONGEST_CHAIN, MOST_CABLES, MOST_MOVING, MOST_OBSTACLES
 from cable_ros.scene.text import parse_yaml

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cable_ros.solve.status import Status
+from cable_ros.equilibrium import Status
 from cable_ros.solve.trust_region import Minimum, Options, minimize
 
 

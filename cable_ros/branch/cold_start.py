@@ -1,0 +1,225 @@
+"""Cold start: the stable equilibria of one pose, from a fixed list of starts, and meshes for a tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cable_ros.contact.penalty_continuation import descend
+from cable_ros.contact.shortest_path import ways
+from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.rod import quaternion
+from cable_ros.rod.elements import Mesh, reference_element
+from cable_ros.rod.extensible import SLACK, StretchingRod
+from cable_ros.rod.initial_shapes import along, aside, starts
+from cable_ros.rod.kirchhoff import ORDER, Rod
+from cable_ros.solve.trust_region import Options
+
+AIM, ACCEPT = 0.1, 0.45
+"""A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
+LENIENT = 1.6
+"""An old one is kept while contacts misplace its elements by this many times what a new one may; see
+`BorderedRod.unresolved`."""
+TAUT = 0.999
+"""Where its chord is more than this part of its length, a stretching cable is looked for straight first."""
+SEARCH = 1e-2
+"""Tolerance of contact while a search is on: how finely a touching stretch is held."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """What one rod is up against, in units of the cable and the start clamp's frame."""
+
+    qe: np.ndarray
+    re: np.ndarray
+    f: np.ndarray
+    obstacles: np.ndarray | None = None
+    """(n, contact_kernels.WIDTH); None: nothing to touch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A stable equilibrium: the factored rod and where it is."""
+
+    rod: Rod
+    q: np.ndarray
+    F: np.ndarray
+    energy: float
+    twist: float
+    iterations: int
+
+
+def first_mesh(conditions: Conditions, twist: float, tolerance: float) -> Mesh:
+    """A coarse mesh for the search: finer for many turns, and at the clamps where weight makes layers.
+
+    From 1e-3 on, four elements are the least: what they resolve at one pose they mostly do at all, so that
+    the mesh need not change under way.
+    """
+    layer = min(1.0, 3.0 / np.sqrt(max(float(np.linalg.norm(conditions.f)), 1.0)))
+    count = (4 if tolerance < 1e-3 else 3) + int(abs(twist) / 6.0)
+    half = [0.5]
+    smallest = min(max(2.0 * layer, 0.5 / count), 6.0 * _taut_layer(conditions))
+    while half[0] > smallest:
+        half = [half[0] / 2, half[0] / 2] + half[1:]
+    lengths = np.array(half + half[::-1])
+    if len(lengths) <= count:
+        lengths = np.full(count, 1.0 / count)
+    return Mesh(reference_element(ORDER), lengths / lengths.sum())
+
+
+def _taut_layer(conditions: Conditions) -> float:
+    """Length of the bends at the clamps of a nearly taut cable, which use up all its slack.
+
+    A tangent that is off the chord by a exp(-s / l) makes the cable reach a^2 l / 4 less far.
+    """
+    chord = float(np.linalg.norm(conditions.re))
+    along = conditions.re / max(chord, 1e-9)
+    end = quaternion.rotate(conditions.qe, np.array([0.0, 0.0, 1.0]))
+    bend = 2.0 - float(along[2]) - float(along @ end)
+    return max(2.0 * (1.0 - chord) / max(bend, 1e-9), 1e-5)
+
+
+def settle(rod: Rod, q: np.ndarray, F: np.ndarray, options: Options = Options()) -> Found | None:  # noqa: B008
+    """The minimum near (q, F), factored, or None."""
+    return _found(rod, rod.minimum(q, F, options))
+
+
+def _found(rod: Rod, result: tuple[np.ndarray, np.ndarray, int] | None) -> Found | None:
+    if result is None:
+        return None
+    q, F, iterations = result
+    return Found(rod, q, F, float(rod.totals[3]), float(rod.totals[4]), iterations)
+
+
+def on_mesh(found: Found, mesh: Mesh) -> Found | None:
+    """The same equilibrium on another mesh."""
+    mesh = found.rod.suited(mesh)
+    q = found.rod.mesh.interpolate(found.q, mesh.nodes)
+    q[0], q[-1] = found.q[0], found.q[-1]
+    return settle(found.rod.variant(mesh), q, found.F)
+
+
+def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
+    """The mesh whose elements have equal shares in an error of AIM * tolerance, by this order's rates.
+
+    An element's share (energy norm squared, left by `Rod.wrench_error`) falls as its length^(2 order + 1).
+    """
+    order = rod.mesh.element.order
+    shares = np.maximum(rod.shares, 1e-12 * rod.shares.max() + 1e-300)
+    gain = (AIM * tolerance / max(estimate, 1e-16)) ** (1.0 / (2 * order))
+    size = rod.h * gain * (shares.mean() / shares) ** (1.0 / (2 * order + 1))
+    size = np.clip(size, 0.25 * rod.h, 3.0 * rod.h)
+    # neighbours of a hard element are made to help: sizes grow at most threefold from one to the next
+    for i in range(1, len(size)):
+        size[i] = min(size[i], 3.0 * size[i - 1])
+    for i in range(len(size) - 2, -1, -1):
+        size[i] = min(size[i], 3.0 * size[i + 1])
+    density = np.concatenate(([0.0], np.cumsum(rod.h / size)))
+    count = max(2, int(np.ceil(density[-1])))
+    edges = np.interp(np.linspace(0.0, density[-1], count + 1), density, np.append(rod.s0, 1.0))
+    return Mesh(rod.mesh.element, np.diff(edges))
+
+
+def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:
+    """The equilibrium on a mesh whose estimated error is at most `accept` * tolerance, if any; that error."""
+    iterations = found.iterations
+    if isinstance(found.rod, TouchingRod) and found.rod.tolerance != tolerance:
+        closer = settle(found.rod.variant(tolerance=tolerance), found.q, found.F)
+        if closer is None:
+            return found, np.inf
+        found = closer
+        iterations += closer.iterations
+    estimate = found.rod.relative_error(found.q, found.F)
+    for _ in range(8):
+        unresolved = found.rod.unresolved(found.q)
+        unresolved[[0, -1]] |= found.rod.clamp_errors(found.q, found.F) > ACCEPT * tolerance
+        if unresolved.any() and estimate <= tolerance:
+            mesh = found.rod.mesh.split(unresolved)
+        elif estimate > accept * tolerance:
+            mesh = better_mesh(found.rod, estimate, tolerance)
+        else:
+            break
+        finer = on_mesh(found, mesh)
+        if finer is None:
+            finer = on_mesh(found, found.rod.mesh.split(np.ones(len(found.rod.h), bool)))
+        if finer is None:
+            break
+        iterations += finer.iterations
+        new = finer.rod.relative_error(finer.q, finer.F)
+        if new > 0.9 * estimate and new < 1e-9 and not unresolved.any():
+            break  # rounding: no mesh does better
+        found, estimate = finer, new
+    return Found(found.rod, found.q, found.F, found.energy, found.twist, iterations), estimate
+
+
+def equilibria(
+    stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, hint: float | None,
+    tolerance: float = 1e-4, thorough: bool = True, compliance: np.ndarray | None = None,
+) -> list[Found]:  # fmt: skip
+    """Distinct stable equilibria that the starts lead to, on a coarse mesh, by rising energy.
+
+    With a hint and not `thorough`, the search ends with the first one whose twist is within 0.02 rad of it.
+    """
+    natural = np.zeros(3) if natural is None else natural
+    mesh = first_mesh(conditions, abs(hint or 0.0) + float(np.linalg.norm(natural)), tolerance)
+    found: list[Found] = []
+    seen: list[np.ndarray] = []
+    within = conditions.re * min(1.0, SLACK / max(float(np.linalg.norm(conditions.re)), SLACK))
+    re = conditions.re if compliance is None else within
+    taut = compliance is not None and float(np.linalg.norm(conditions.re)) > TAUT
+    options = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
+    for q in starts(mesh.nodes, conditions.qe, re, conditions.f, hint, natural, taut):
+        rod: Rod
+        if compliance is not None:
+            rod = StretchingRod(mesh, stiffness, natural, compliance)
+        elif conditions.obstacles is None:
+            rod = Rod(mesh, stiffness, natural)
+        else:
+            rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
+            rod.seen = seen
+        rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
+        one = settle(rod, aside(q, mesh.nodes), np.zeros(3), options)
+        if one is None:
+            continue
+        if any(same(one, other) for other in found):
+            if taut and not thorough and same(one, min(found, key=lambda other: other.energy)):
+                break  # pulled straight, all starts of one twist are one
+            continue
+        found.append(one)
+        if hint is not None and not thorough and abs(one.twist - hint) < 0.02:
+            break
+    if not found and conditions.obstacles is not None and compliance is None:
+        found = _beside(stiffness, natural, conditions, hint, tolerance, mesh, options)
+    return sorted(found, key=lambda one: one.energy)
+
+
+def _beside(
+    stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None,
+    tolerance: float, mesh: Mesh, options: Options,
+) -> list[Found]:  # fmt: skip
+    """The first equilibrium that descents from the shortest ways past the obstacles lead to.
+
+    Soft obstacles let a taut cable through, and hard ones then hold it on the wrong side.
+    """
+    assert conditions.obstacles is not None
+    seen: list[np.ndarray] = []
+    for way in ways(conditions.re, conditions.obstacles, 1.0):
+        rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
+        rod.seen = seen
+        rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
+        q = along(way, mesh.nodes, conditions.qe, hint, natural)
+        one = _found(rod, descend(rod, q, np.zeros(3), options, 1, taut=True))
+        if one is not None:
+            return [one]
+    return []
+
+
+def same(a: Found, b: Found) -> bool:
+    """Whether two finds are one equilibrium; mirror images share twist and energy, not the end moment."""
+    moment = a.rod.g[-1]
+    return (
+        abs(a.twist - b.twist) < 1e-3
+        and abs(a.energy - b.energy) < 1e-5 * (1.0 + abs(a.energy))
+        and float(np.linalg.norm(moment - b.rod.g[-1])) < 1e-2 * (1.0 + float(np.linalg.norm(moment)))
+    )

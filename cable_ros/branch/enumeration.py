@@ -1,0 +1,43 @@
+"""All stable equilibria of one pose that a search finds: a real cable shows one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cable_ros.branch.cable_tracker import Follower
+from cable_ros.effects.registry import properties
+from cable_ros.equilibrium import Equilibrium
+from cable_ros.scene import Kinematics, Scene
+
+
+def branches(
+    scene: Scene, joints: Mapping[str, float], tolerance: float = 1e-4, polyline_points: int = 101
+) -> dict[str, list[Equilibrium]]:
+    """The stable equilibria of every cable at the given joint values, by rising energy.
+
+    They differ by whole turns of twist and by the side to which the cable loops; `total_twist` names
+    them, and as the scene's `total_twist` asks for one. The search starts from shapes within about two turns
+    of the scene's hint, or of no twist. It is wide but no proof: others may exist. The list is empty where
+    the clamps are out of reach or nothing converged.
+
+    Args:
+        scene: from `load_scene`.
+        joints: value by joint name, rad or m, for every joint that moves a clamp.
+        tolerance: accepted relative error of the end wrenches.
+        polyline_points: points of `Equilibrium.points`, 2 or more.
+
+    Raises:
+        KeyError: a joint is missing.
+    """
+    kinematics = Kinematics(scene)
+    values = np.array([joints[name] for name in kinematics.joint_names], dtype=float)
+    poses = kinematics.poses(values)
+    names = [obstacle.name for obstacle in scene.obstacles]
+    return {
+        cable.name: Follower(cable, properties(scene, cable), tolerance, polyline_points, names).branches(
+            kinematics, values, poses[i]
+        )
+        for i, cable in enumerate(scene.cables)
+    }

@@ -1,0 +1,112 @@
+"""From one formulation of contact to the other: `TouchingRod` is exact, `NodalRod` is robust."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.branch.cold_start import Conditions, Found, first_mesh, refine
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
+from cable_ros.contact.nodal_rod import NodalRod, places_for
+from cable_ros.contact.penalty_continuation import descend
+from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE
+from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.rod.elements import Mesh
+from cable_ros.rod.initial_shapes import starts
+from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.units import relative_change
+from cable_ros.solve.trust_region import Options
+
+ALIKE = 0.05
+"""Relative difference of two end wrenches below which both formulations show the same equilibrium."""
+TURNED = 0.1
+"""Rotation of a section, rad, below which they do."""
+SETTLE = Options(
+    radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
+)
+"""For a descent to the equilibrium beside a shape."""
+TRIALS = ((0, 1), (16, 0), (8, 1), (16, 1))
+"""What is tried in turn: numbers of elements, 0 for those of a search, and the first of
+`penalty_continuation.SPRINGS`."""
+WORK = 40_000.0
+"""Budget, iterations times unknowns, of a rod that takes over, if there is less left."""
+EXACT_WORK = 60_000.0
+"""Budget of a search for an exact equilibrium beside one on a grid."""
+TRIES = 3
+"""Number of start shapes that a search lets come to rest."""
+GRID = np.linspace(0.0, 1.0, 33)
+"""Where shapes are compared."""
+
+
+def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
+    """The equilibrium (q, F) with its friction on a uniform grid of contacts; None if that fails."""
+    if not isinstance(rod, TouchingRod) or rod.obstacles is None:
+        return None
+    points = rod.points[: rod.count]
+    forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
+    force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.held()))
+    new = NodalRod(rod.K, rod.natural, rod.obstacles, places_for(float(force)), rod.model == COULOMB)
+    new.work = max(rod.work, WORK)
+    adopted = new.adopt(rod, q, F, points[:, PLACE], forces, points[:, OBSTACLE].astype(int))
+    return new if adopted else None
+
+
+def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
+    """The equilibrium of a nodal rod without friction, to the tolerance; None if none is found beside it."""
+    if model != FRICTIONLESS and rod.touches:
+        return None
+    assert rod.obstacles is not None
+    conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    first = first_mesh(conditions, float(rod.totals[4]), tolerance)
+    left = min(rod.work, EXACT_WORK)
+    for _ in TRIALS:
+        if left <= 0.0:
+            return None
+        count, stage = TRIALS[rod.tried % len(TRIALS)]
+        mesh = Mesh(first.element, np.full(count, 1.0 / count)) if count else first
+        new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
+        new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+        new.work = left
+        q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
+        q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
+        result = descend(new, q, rod.state.F[-1], SETTLE, stage)
+        left = new.work
+        rod.tried += 1  # if this is not it, and no budget is left, the next pose goes on with the next
+        if result is None:
+            continue
+        found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
+        found, estimate = refine(found, tolerance)
+        if estimate <= tolerance and _same(rod, found):
+            rod.tried -= 1
+            return found
+    return None
+
+
+def cold(
+    stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None, tolerance: float
+) -> Found | None:
+    """An equilibrium that the start shapes come to rest in, those first that are least inside obstacles.
+
+    A last resort: the search by descents from the same shapes has found none.
+    """
+    assert conditions.obstacles is not None
+    load = float(np.linalg.norm(conditions.f))
+    rod = NodalRod(stiffness, natural, conditions.obstacles, places_for(load), coulomb=False)
+    rod.set_conditions(conditions.qe, conditions.re, conditions.f)
+    shapes = list(starts(rod.mesh.nodes, conditions.qe, conditions.re, conditions.f, hint, natural, False))
+    for q in sorted(shapes, key=rod.depth)[:TRIES]:
+        if rod.begin(q, conditions.qe, conditions.re, conditions.f) is None:
+            continue
+        found = exact(rod, tolerance, FRICTIONLESS)
+        if found is not None:
+            return found
+    return None
+
+
+def _same(rod: NodalRod, found: Found) -> bool:
+    a = rod.mesh.interpolate(rod.state.q, GRID)
+    b = found.rod.mesh.interpolate(found.q, GRID)
+    if np.abs(np.sum(a * b, axis=1)).min() < np.cos(0.5 * TURNED):
+        return False
+    mine = np.concatenate((rod.state.F[-1], rod.g[-1]))
+    theirs = np.concatenate((found.F, found.rod.g[-1]))
+    return float(relative_change(mine - theirs, theirs, rod.least)) < ALIKE

@@ -1,0 +1,92 @@
+"""The same cable with other properties: its equilibrium followed from the old ones to the new ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cable_ros.rod import warm_step
+from cable_ros.rod.extensible import StretchingRod
+from cable_ros.rod.kirchhoff import Rod
+
+LARGEST = 0.3
+"""Largest change of a stiffness's logarithm in one step."""
+SMALLEST = 1e-3
+"""Smallest part of the change in one step before it counts as barred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """What a rod is made of and carries, in the cable's units and the start clamp's frame."""
+
+    stiffness: np.ndarray
+    """(3,)"""
+    natural: np.ndarray
+    """(3,)"""
+    load: np.ndarray
+    """(3,)"""
+    compliance: np.ndarray | None = None
+    """(3,) None: inextensible and unshearable."""
+
+
+def between(a: Section, b: Section, t: float) -> Section:
+    """Part of the way from a to b, 0 <= t <= 1; stiffness by ratios, all else by differences."""
+    return Section(
+        a.stiffness ** (1.0 - t) * b.stiffness**t if t < 1.0 else b.stiffness,
+        (1.0 - t) * a.natural + t * b.natural,
+        (1.0 - t) * a.load + t * b.load,
+        None if a.compliance is b.compliance is None else (1.0 - t) * _soft(a) + t * _soft(b),
+    )
+
+
+def _soft(section: Section) -> np.ndarray:
+    return np.zeros(3) if section.compliance is None else section.compliance
+
+
+def made_of(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
+    """A rod on the same mesh between the same clamps, made of the section; `scale` as in `follow`."""
+    if section.compliance is not None and section.compliance.any():
+        new: Rod = StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
+    elif isinstance(rod, StretchingRod):
+        new = Rod(rod.mesh, section.stiffness, section.natural)
+    else:
+        new = rod.variant(stiffness=section.stiffness, natural=section.natural, scale=scale)
+    new.set_conditions(rod.qe, rod.re, section.load, rod.obstacles)
+    return new
+
+
+def follow(
+    rod: Rod, q: np.ndarray, F: np.ndarray, target: Section, scale: float, tolerance: float
+) -> tuple[Rod, np.ndarray, np.ndarray] | None:
+    """The equilibrium (q, F) of a rod, followed to the target at fixed clamps; None where its branch ends.
+
+    `scale` is the new unit of force over the old one. The rod itself is left as it is.
+    """
+    soft = rod.compliance * scale if isinstance(rod, StretchingRod) else None
+    before = Section(rod.K / scale, rod.natural, rod.f / scale, soft)
+    F = F / scale
+    logarithm = float(np.abs(np.log(target.stiffness / before.stiffness)).max())
+    last = rod.variant(scale=scale)
+    at, step = 0.0, min(1.0, LARGEST / max(logarithm, 1e-300))
+    while at < 1.0:
+        to = min(1.0, at + step)
+        here, there = between(before, target, at), between(before, target, to)
+        new = made_of(last, there)
+        new.set_conditions(rod.qe, rod.re, here.load, rod.obstacles)
+        if new.refactor(q, F):
+            code, iterations, q_new, F_new = new.advance(
+                q, F, rod.qe, rod.re, there.load, tolerance, 0.35, rod.obstacles
+            )
+            if code == warm_step.ADVANCED:
+                at, q, F, last = to, q_new, F_new, new
+                if at == 1.0:
+                    return new, q, F
+                if iterations <= 4:
+                    step *= 2.0
+                step = min(step, LARGEST / max(logarithm, 1e-300))
+                continue
+        step *= 0.5
+        if step < SMALLEST:
+            return None
+    return None

@@ -1,0 +1,141 @@
+"""What is read off a rod at an equilibrium, in SI units and in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cable_ros.contact.friction_kernels import FRICTIONLESS
+from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.report import contact_table, on_grid
+from cable_ros.contact.response import cross_matrix
+from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.equilibrium import ContactTable, Equilibrium, Status
+from cable_ros.rod import warm_step
+from cable_ros.rod.elements import Mesh, Sampling, integrals, sampling
+from cable_ros.rod.extensible import StretchingRod
+from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.units import Units
+
+
+def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarray]:
+    """(6,), (6,): what the cable exerts at its end and start, N and N m, in the clamps' frames.
+
+    `rod` is at an equilibrium with the end force F (3,), in units of the cable.
+    """
+    end, start = np.empty(6), np.empty(6)
+    warm_step.wrenches(F, rod.f, rod.held(), rod.qe, rod.g, unit.force, unit.moment, end, start)
+    return end, start
+
+
+class Reader:
+    """Reads wrenches, points and frames of the centreline off rods; keeps the table of the last mesh."""
+
+    def __init__(self) -> None:
+        self._known: tuple[Mesh, int, Sampling] | None = None
+
+    def read(
+        self, rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, count: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """End and start wrench as in `wrenches`, points (count, 3), m, and frames (count, 4), x y z w.
+
+        The points are in the world, at equal arc lengths.
+
+        Args:
+            rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,).
+            start: (7,) the start clamp in the world, m, quaternion x y z w.
+            unit: of the cable.
+            count: of points.
+        """
+        end_wrench, start_wrench = np.empty(6), np.empty(6)
+        points, orientations = np.empty((count, 3)), np.empty((count, 4))
+        scale = unit.force, unit.moment, unit.length
+        if isinstance(rod, TouchingRod) and rod.count:
+            element = rod.mesh.element
+            warm_step.read_anywhere(
+                q, F, rod.f, rod.held(), rod.qe, rod.g, rod.h, rod.s0, integrals(element.order), start, scale,
+                end_wrench, start_wrench, points, orientations,
+            )  # fmt: skip
+            return end_wrench, start_wrench, points, orientations
+        known = self._known
+        if known is None or known[0] is not rod.mesh or known[1] != count:
+            self._known = known = rod.mesh, count, sampling(rod.mesh, count)
+        table = known[2]
+        warm_step.read(
+            q, F, rod.f, rod.held(), rod.qe, rod.g, rod.h, table.element, table.values, table.weights,
+            table.quadrature, start, scale, end_wrench, start_wrench, points, orientations,
+        )  # fmt: skip
+        if isinstance(rod, StretchingRod):
+            rod.stretch_points(q, F, table, start, unit.length, points)
+        return end_wrench, start_wrench, points, orientations
+
+
+def touching(
+    rod: Rod, friction: np.ndarray | None, names: Sequence[str], start: np.ndarray, unit: Units
+) -> Callable[[], ContactTable] | None:
+    """What reads the contacts off once it is called; from copies, since the rod moves on. None: no contact.
+
+    Args:
+        friction: (obstacles,) coefficients; None: no obstacles.
+        names: of the obstacles.
+        start: (7,) the start clamp in the world, m, quaternion x y z w.
+    """
+    if isinstance(rod, NodalRod) and friction is not None:
+        return partial(on_grid, rod.contacts(), names, start.copy(), unit) if rod.touches else None
+    if not isinstance(rod, TouchingRod) or not rod.count or friction is None:
+        return None
+    coefficients = friction if rod.model != FRICTIONLESS else np.zeros(len(friction))
+    points, normals = rod.points[: rod.count].copy(), rod.normals[: rod.count].copy()
+    curve = rod.c.copy(), rod.h.copy(), rod.s0.copy()
+    return partial(contact_table, points, normals, curve, coefficients, names, start.copy(), unit)
+
+
+def tangent(
+    rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units, names: Sequence[str], start: np.ndarray
+) -> Callable[[Sequence[str]], np.ndarray]:
+    """What finds `Equilibrium.wrench_response` once it is called; from a copy, since the rod moves on.
+
+    `names` of the obstacles; `start` (7,) the start clamp in the world, m, quaternion x y z w.
+    """
+    return partial(_tangent, rod.snapshot(), (rod.qe, rod.re, rod.f), q, F, unit, names, start.copy())
+
+
+def _tangent(
+    snapshot: Callable[[], Rod], conditions: tuple[np.ndarray, np.ndarray, np.ndarray], q: np.ndarray,
+    F: np.ndarray, unit: Units, names: Sequence[str], start: np.ndarray, moving: Sequence[str],
+) -> np.ndarray:  # fmt: skip
+    copy = snapshot()
+    copy.set_conditions(*conditions)
+    scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2 + len(moving))
+    scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2 + len(moving))
+    if not moving:
+        response = copy.clamp_stiffness(q, F)
+    elif (isinstance(copy, TouchingRod) and copy.count) or (isinstance(copy, NodalRod) and copy.touches):
+        response = copy.wrench_response(q, F, [list(names).index(name) for name in moving])
+    else:
+        response = np.zeros((len(scale_wrench), len(scale_wrench)))
+        response[:12, :12] = copy.clamp_stiffness(q, F)
+    response = -response * scale_wrench[:, None] / scale_motion[None, :]
+    if moving:
+        # obstacles: from the start clamp's frame to the world's
+        turn = Rotation.from_quat(start[3:]).as_matrix().T
+        seen = np.eye(len(response))
+        for at in range(12, len(response), 6):
+            seen[at : at + 3, at : at + 3] = seen[at + 3 : at + 6, at + 3 : at + 6] = turn
+            seen[at : at + 3, at + 3 : at + 6] = -turn @ cross_matrix(start[:3])
+        response = seen.T @ response @ seen
+    return response
+
+
+def failed(status: Status, message: str, solve_time: float, polyline_points: int) -> Equilibrium:
+    """A result without numbers."""
+    n, nan = polyline_points, np.nan
+    return Equilibrium(
+        status=status, message=message, converged=False, stable=False, stability_margin=nan,
+        end_wrench=np.full(6, nan), start_wrench=np.full(6, nan), points=np.full((n, 3), nan),
+        orientations=np.full((n, 4), nan), total_twist=nan, energy=nan, error_estimate=nan, iterations=0,
+        solve_time=solve_time,
+    )  # fmt: skip

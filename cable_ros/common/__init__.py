@@ -1,0 +1,1 @@
+"""Small things that know nothing of cables, which any folder may use."""

@@ -1,0 +1,151 @@
+"""Stable equilibria of a cable that touches, from a descent with soft obstacles that are then made hard."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.edge_rounding import blunted, sharpen
+from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.penalty import Softened
+from cable_ros.contact.points import FORCE, FRICTION, KIND, OBSTACLE, PLACE, POINT, TIE
+from cable_ros.rod import warm_step
+from cable_ros.solve.trust_region import Options, minimize
+
+SPRINGS = (3e4, 3e6, 3e8, 1e10)
+"""Stiffness of the soft obstacles, EI / L^4, in turn: the first shows the way, the last who touches."""
+DENSITIES = (1, 1, 2, 3)
+"""With each of them contact is looked for at so many times as many places, where the cable may be taut."""
+NEAR = 2
+"""The first of them from a shape that touches as it should: softer ones could let it through."""
+SUNK = (np.inf, 0.03, 3e-3)
+"""Deeper than this after the first, second, and later descents, parts of the length, none comes out again."""
+DESCENT = Options(
+    radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
+)
+"""For a descent that must not leave its valley."""
+SOFT = 2
+"""An iteration among soft obstacles is so many others' work: each tries several radii."""
+GRID = np.linspace(0.0, 1.0, 33)
+"""Where shapes are compared."""
+
+
+def descend(
+    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int = 0, taut: bool = False
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """The stable equilibrium with contact where a descent from (q, F) ends: q, F, iterations; or None.
+
+    The obstacles are springs at first, SPRINGS[first] and on, which any shape can start from. A cable that
+    may be `taut` bends about them within short lengths. Contacts and mesh are put back where it fails.
+    """
+    assert rod.obstacles is not None
+    sharp, kept, mesh = rod.obstacles, rod.state(), rod.mesh
+    rod.obstacles = blunted(sharp)
+    found = _descend(rod, q, F, options, first, taut)
+    if found is not None and rod.obstacles is not sharp:
+        total = found[2]
+        found = sharpen(rod, found[0], found[1], sharp, options.step_tolerance)
+        found = None if found is None else (found[0], found[1], total + found[2])
+    rod.obstacles = sharp
+    if found is None:
+        rod.restore(kept, mesh)
+    return found
+
+
+def _descend(
+    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int, taut: bool
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """`descend` among the rod's obstacles as they are; leaves the rod where it fails."""
+    assert rod.obstacles is not None
+    before, total = rod.points[: rod.count].copy(), 0
+    for stage in range(first, len(SPRINGS)):
+        stiffness = SPRINGS[stage]
+        rod.count = 0
+        if taut:
+            rod.densify(DENSITIES[stage])
+        soft = Softened(rod, stiffness)
+        most = max(1, int(min(options.iterations, rod.work / (SOFT * rod.elastic.shape[0]))))
+        result = minimize(soft, q, F, replace(options, iterations=most))
+        total += result.iterations
+        rod.spend(SOFT * result.iterations)
+        if not result.converged:
+            break
+        q, F = result.x, result.y
+        rod.ready = False
+        if stage == (first if taut else 0) and _known(rod, q, result.objective):
+            break
+        if stage > 0 and soft.phi[:, 1:-1].min(initial=0.0) < -SUNK[min(stage, len(SUNK) - 1)]:
+            break  # it has been through the obstacle's middle: the springs only hold it inside
+        soft.harden(q)
+        _inherit(rod, before)
+        if not rod.count and rod.clear(q):
+            return (q, F, total) if rod.refactor(q, F) else None
+        if taut:
+            q = rod.resolve(q, F)
+        if (rod.points[: rod.count, KIND] != POINT).any():
+            q = rod.fit(q)
+        code, iterations, q_new, F_new = rod.touch(
+            q, F, rod.qe, rod.re, rod.f, options.step_tolerance, 1.0, rod.obstacles
+        )
+        if code == warm_step.ADVANCED:
+            return q_new, F_new, total + iterations
+    return None
+
+
+def give_way(
+    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+    limit: float, obstacles: np.ndarray, failed: tuple[int, int, np.ndarray, np.ndarray],
+) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+    """A step with so many changes of contact that Newton fails: descend with soft obstacles instead.
+
+    Taken only where it ends near the shape before, as a branch that goes on does; else returns `failed`.
+    """
+    assert rod.obstacles is not None
+    way = float(np.abs(re - rod.re).max() + np.abs(obstacles[:, 1:13] - rod.obstacles[:, 1:13]).max())
+    end = qe if q[-1] @ qe > 0.0 else -qe
+    way += 2.0 * float(np.abs(q[-1] - end).max())
+    if rod.model == COULOMB:
+        return failed  # a descent knows nothing of the way that this friction has come
+    if rod.patience <= 0 or rod.work <= 0.0:
+        return failed
+    rod.patience -= 1
+    before, kept = (rod.qe, rod.re, rod.f, rod.obstacles), rod.state()
+    mesh, shape = rod.mesh, rod.mesh.interpolate(q, GRID)
+    rod.set_conditions(qe, re, f, obstacles)
+    start = q.copy()
+    start[-1] = end
+    found = descend(rod, start, F, DESCENT, 1)
+    if found is not None:
+        after = rod.mesh.interpolate(found[0], GRID)
+        moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))
+        if moved < min(limit, 0.02 + 20.0 * way):
+            rod.drift = 0.0
+            return warm_step.ADVANCED, failed[1] + found[2], found[0], found[1]
+    rod.restore(kept, mesh)
+    rod.set_conditions(*before)
+    return failed
+
+
+def _inherit(rod: ActiveSetRod, before: np.ndarray) -> None:
+    """Let every contact point rub as much, for its force, as the nearest of those `before` did."""
+    for point in rod.points[: rod.count]:
+        same = before[(before[:, OBSTACLE] == point[OBSTACLE]) & (before[:, FORCE] > 0.0)]
+        if len(same):
+            nearest = same[np.argmin(np.abs(same[:, PLACE] - point[PLACE]))]
+            point[FRICTION:TIE] = nearest[FRICTION:TIE] * point[FORCE] / nearest[FORCE]
+
+
+def _known(rod: ActiveSetRod, q: np.ndarray, energy: float) -> bool:
+    """Whether the search has already come by this state of the soft obstacles."""
+    if rod.seen is None:
+        return False
+    # mirror images have the same energy
+    state = np.append(rod.mesh.interpolate(q, np.array([0.25, 0.5, 0.75])).ravel(), energy)
+    for other in rod.seen:
+        cosines = np.abs(np.sum(state[:-1].reshape(3, 4) * other[:-1].reshape(3, 4), axis=1))
+        if cosines.min() >= 1.0 - 1e-5 and abs(state[-1] - other[-1]) < 1e-5 * (1.0 + abs(energy)):
+            return True
+    rod.seen.append(state)
+    return False

@@ -1,0 +1,79 @@
+"""Where a cable touches, as `Equilibrium.contacts` tells it: in the world, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cable_ros.compilation import njit
+from cable_ros.contact.points import FORCE, FRICTION, HELD, LENGTH, OBSTACLE, PLACE
+from cable_ros.equilibrium import ContactTable
+from cable_ros.rod.centreline import position
+from cable_ros.rod.units import Units
+
+
+def contact_table(
+    points: np.ndarray, normals: np.ndarray, curve: tuple[np.ndarray, np.ndarray, np.ndarray],
+    coefficients: np.ndarray, names: Sequence[str], start: np.ndarray, units: Units,
+) -> ContactTable:  # fmt: skip
+    """The contact points in the world, by rising arc length.
+
+    Args:
+        points: (n, COLUMNS), see `contact.points`, with `normals` (n, 3), both in the start clamp's frame.
+        curve: coefficients of the centreline, lengths and starts of the elements, see
+            `centreline.curve`.
+        coefficients: of friction (obstacles,), zeros where it is left out.
+        names: of the obstacles.
+        start: (7,) the start clamp in the world, m, quaternion x y z w.
+        units: of the cable.
+    """
+    order = np.argsort(points[:, PLACE], kind="stable")
+    points, normals = points[order], normals[order]
+    turn = Rotation.from_quat(start[3:]).as_matrix().T
+    which, friction = points[:, OBSTACLE].astype(int), points[:, FRICTION:HELD]
+    cone = coefficients[which] * points[:, FORCE]
+    places = np.ascontiguousarray(points[:, PLACE])
+    return ContactTable(
+        names=tuple(names),
+        obstacle=which,
+        arc_length=places * units.length,
+        position=start[:3] + units.length * _positions(*curve, places) @ turn,
+        normal=normals @ turn,
+        force=units.force * (points[:, FORCE, None] * normals + friction) @ turn,
+        length=points[:, LENGTH] * units.length,
+        sliding=(cone > 0.0) & (np.linalg.norm(friction, axis=1) > (1.0 - 1e-9) * cone),
+    )
+
+
+@njit(cache=True)
+def _positions(c: np.ndarray, h: np.ndarray, s0: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) at the arc lengths `places` (n,) of a `curve`."""
+    out = np.empty((places.shape[0], 3))
+    for i in range(places.shape[0]):
+        position(c, h, s0, places[i], out[i])
+    return out
+
+
+def on_grid(
+    touching: tuple[np.ndarray, ...], names: Sequence[str], start: np.ndarray, units: Units
+) -> ContactTable:
+    """The contacts of a `NodalRod` in the world, by rising arc length.
+
+    Args:
+        touching: see `NodalRod.contacts`.
+        names, start, units: as in `contact_table`.
+    """
+    places, positions, normals, forces, obstacles, sliding, spread = touching
+    turn = Rotation.from_quat(start[3:]).as_matrix().T
+    return ContactTable(
+        names=tuple(names),
+        obstacle=obstacles,
+        arc_length=places * units.length,
+        position=start[:3] + units.length * positions @ turn,
+        normal=normals @ turn,
+        force=units.force * forces @ turn,
+        length=spread * units.length,
+        sliding=sliding,
+    )

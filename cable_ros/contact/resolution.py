@@ -1,0 +1,74 @@
+"""Compiled: whether the elements are short enough for what the contacts hold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+from cable_ros.contact.distance import gap
+from cable_ros.contact.patches import NODES, SAMPLES, WEIGHTS, inside
+from cable_ros.contact.points import FRICTION, KIND, LENGTH, OBSTACLE, ROW, SAMPLE
+from cable_ros.rod.centreline import position, tangent
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+HIGHEST = np.polynomial.legendre.Legendre.basis(SAMPLES - 1)(2.0 * NODES - 1.0)
+"""The Legendre polynomial of the highest order that an element's samples tell, at them."""
+
+
+@njit(**OPTIONS)
+def misplaced(q, h, s0, fine, c, obstacles, points, count, out):
+    """How far, parts of the length, each element is off where contacts want it; out (elements,).
+
+    That is the larger of two: how deep inside an obstacle it is between the samples that press on it, and how
+    far its end is misplaced by the rule that integrates the tangents, told by that of `fine`.
+    """
+    N, weights = fine[0], fine[5]
+    order = N.shape[1] - 1
+    qs, t, missed = np.empty(4), np.empty(3), np.empty(3)
+    for e in range(h.shape[0]):
+        for a in range(3):
+            missed[a] = 0.0
+            for m in range(1, c.shape[1]):
+                missed[a] -= c[e, m, a]
+        for k in range(N.shape[0]):
+            for a in range(4):
+                qs[a] = 0.0
+                for i in range(order + 1):
+                    qs[a] += N[k, i] * q[e * order + i, a]
+            tangent(qs, t)
+            for a in range(3):
+                missed[a] += h[e] * weights[k] * t[a]
+        out[e] = np.sqrt(missed[0] ** 2 + missed[1] ** 2 + missed[2] ** 2)
+    r, n = np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    for o in range(obstacles.shape[0]):
+        lies = False
+        for i in range(count):
+            lies = lies or (points[i, OBSTACLE] == o and points[i, KIND] == SAMPLE)
+        if not lies:
+            continue
+        for e in range(h.shape[0]):
+            for k in range(SAMPLES - 1):
+                s = s0[e] + 0.5 * h[e] * (NODES[k] + NODES[k + 1])
+                if inside(points, count, o, s):
+                    position(c, h, s0, s, r)
+                    out[e] = max(out[e], -gap(obstacles[o], r, n, directions, bends))
+
+
+@njit(**OPTIONS)
+def highest_mode(points, count, out):
+    """The part of each sample's friction, out (count, 3), that is in the highest mode of its element."""
+    out[:] = 0.0
+    for i in range(count):
+        if points[i, KIND] != SAMPLE:
+            continue
+        g = int(points[i, ROW])
+        mode = points[i, LENGTH] * (2 * SAMPLES - 1) * HIGHEST[g % SAMPLES]
+        for k in range(count):
+            other = int(points[k, ROW])
+            near = points[k, OBSTACLE] == points[i, OBSTACLE] and other // SAMPLES == g // SAMPLES
+            if near and points[k, KIND] == SAMPLE:
+                share = mode * WEIGHTS[other % SAMPLES] * HIGHEST[other % SAMPLES] / points[k, LENGTH]
+                for a in range(3):
+                    out[i, a] += share * points[k, FRICTION + a]

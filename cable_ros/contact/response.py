@@ -1,0 +1,277 @@
+"""How the wrenches on clamps and obstacles answer to small motions of clamps and obstacles.
+
+The equilibrium equations of a cable in contact, linearised: H x - W^T y = -b and V x + D y = -c, with the
+nodal rotations x, the Hessian H of all forces as they stand, and in y the changes of the end force, of the
+normal forces, and of what follows them. Each contact has these rows, as its kind asks for:
+
+- the gap stays zero; its unknown is the change of the normal force;
+- along a direction in which the surface is curved, the normal turns with the motion over the surface;
+- a point slides along the cable to the gap's minimum, the end of a stretch to where the cable lifts off;
+- what sticks keeps its place on the obstacle: two rows across the normal, with the unknown friction;
+- what slips has friction mu times the normal force, in a direction that is fixed on the obstacle's surface.
+
+So friction is that of a motion in which what sticks goes on sticking and what slips goes on slipping the same
+way. It is nobody's derivative if the motion turns back, or turns aside, where something slips.
+
+Units of the cable, start clamp's frame, which stands still here while the start clamp moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.contact.response_kernels import columns, displacements, solve_inner, surfaces
+from cable_ros.rod import quaternion
+
+FAINT = 1e-9
+"""EI / L^2; a point with less force than this turns no force by its motion."""
+SINGULAR = 1e-11
+"""A factorisation with a worse pivot has lost its digits; as in `bordered.factor`."""
+
+
+class Contacts(NamedTuple):
+    """The m contact points of an equilibrium."""
+
+    places: np.ndarray
+    """(m,) arc lengths."""
+    obstacles: np.ndarray
+    """(m,) int, which each is on."""
+    pressure: np.ndarray
+    """(m,) normal forces."""
+    friction: np.ndarray
+    """(m, 3) forces across the normal."""
+    slides: np.ndarray
+    """(m,) bool: its arc length is where the gap has its minimum."""
+    lifts: np.ndarray
+    """(m,) bool: its arc length is where the cable lifts off the surface."""
+    sticks: np.ndarray
+    """(m,) bool: its friction is what keeps it in its place on the obstacle."""
+    across: bool
+    """Whether friction is that of (53) of Liu et al. (2018): across the cable, slipping or not."""
+    give: float
+    """Tangential compliance of what sticks."""
+
+
+class Rows:
+    """Rows of the constraints: V and W (rows, 3n), D (rows, rows), c (rows, motions), in blocks."""
+
+    def __init__(self, size: int, unknowns: int, motions: int) -> None:
+        self.V, self.W = np.zeros((size, unknowns)), np.zeros((size, unknowns))
+        self.D, self.c = np.zeros((size, size)), np.zeros((size, motions))
+        self.count = 0
+
+    def take(self, count: int) -> np.ndarray:
+        """The next `count` rows' numbers."""
+        self.count += count
+        return np.arange(self.count - count, self.count)
+
+
+def wrench_response(
+    q: np.ndarray, F: np.ndarray, qe: np.ndarray, start_force: np.ndarray, g: np.ndarray, C: np.ndarray,
+    hessian: tuple[np.ndarray, np.ndarray], parts: np.ndarray, mesh: tuple[np.ndarray, ...],
+    curve: np.ndarray, bodies: np.ndarray, contacts: Contacts, moving: Sequence[int],
+) -> np.ndarray:  # fmt: skip
+    """Derivative (12 + 6 k, 12 + 6 k) of the wrenches on the cable by motions of clamps and obstacles.
+
+    Rows: force and moment of the start clamp, of the end clamp, each in its clamp's own frame, then of each
+    obstacle in `moving`, about the frame's origin, along its axes. Columns: translation along and rotation
+    about the start clamp's own axes, the end clamp's, then of each of those obstacles the velocity of the
+    point in the frame's origin and the rotation, along the frame's axes. NaN if the equations are singular.
+
+    Args:
+        q, F: equilibrium: nodal frames (n, 4), end force (3,).
+        qe: (4,) end frame.
+        start_force: (3,) internal force at the start clamp.
+        g: (n, 3) gradient at the equilibrium.
+        C: (3, 3n) derivative of the end position by the nodal rotations.
+        hessian: its two parts in band storage, contact forces and friction fixed; see
+        `energy_kernels.hessian`.
+        parts: (elements, 3, 3 (order + 1)) the same of each element.
+        mesh: lengths and starts of the elements, nodes, shape functions and Gauss points of the reference
+            element, primitives.
+        curve: coefficients of the centreline.
+        bodies: (obstacles, WIDTH) as `distance.gap` takes them.
+        contacts: the contact points.
+        moving: the obstacles that may move.
+    """
+    h, s0, nodes, N, gauss, primitives = mesh
+    m, n = len(contacts.places), C.shape[1]
+    order = N.shape[1] - 1
+    way, turn = np.empty((m, 3, n)), np.empty((m, 3, n))
+    displacements(q, h, s0, N, nodes, gauss, primitives, parts, contacts.places, way, turn)
+    r, t, dt, normals, directions, bends = surfaces(
+        q, h, s0, nodes, curve, contacts.places, contacts.obstacles, bodies
+    )
+    pressure, friction = contacts.pressure, contacts.friction
+    P = pressure[:, None] * normals + friction
+
+    # the motions: of the clamps' frames, of the start point, of the obstacle's points under each contact
+    motions = 12 + 6 * len(moving)
+    clamps = np.r_[0:3, n - 3 : n]
+    x_clamps = np.zeros((6, motions))
+    x_clamps[0:3, 3:6] = x_clamps[3:6, 9:12] = np.eye(3)
+    shift, end_shift = np.zeros((3, motions)), np.zeros((3, motions))
+    shift[:, 0:3] = np.eye(3)
+    end_shift[:, 6:9] = np.stack([quaternion.rotate(qe, axis) for axis in np.eye(3)], axis=1)
+    body, spin = np.zeros((m, 3, motions)), np.zeros((m, 3, motions))
+    for k, which in enumerate(moving):
+        on, first = contacts.obstacles == which, 12 + 6 * k
+        body[on, :, first : first + 3] = np.eye(3)
+        body[on, :, first + 3 : first + 6] = _crossed(-r[on])
+        spin[on, :, first + 3 : first + 6] = np.eye(3)
+    relative = way[:, :, clamps] @ x_clamps + shift - body  # of the cable's point, over the obstacle
+
+    # rows and unknowns
+    strong = np.abs(pressure) >= FAINT
+    bent = (bends > 0.0) & strong[:, None]
+    tilted = contacts.lifts | (contacts.slides & strong)
+    mobile = contacts.across & strong & friction.any(axis=1)
+    size = 3 + m + int(bent.sum() + tilted.sum() + 2 * contacts.sticks.sum() + 3 * mobile.sum())
+    rows = Rows(size, n, motions)
+    V, W, D, c = rows.V, rows.W, rows.D, rows.c
+    share = np.divide(1.0, pressure, out=np.zeros(m), where=strong)  # per force: a faint one moves nothing
+    forces = np.zeros((m, 3, size))  # on each contact, by the unknowns
+    slide = np.zeros((m, size))  # arc length of each contact, by the unknowns
+
+    end = rows.take(3)
+    V[end] = W[end] = C
+    c[end] = C[:, clamps] @ x_clamps + shift - end_shift
+
+    gap = rows.take(m)
+    V[gap] = np.einsum("ia,iaj->ij", normals, way)
+    c[gap] = np.einsum("ia,iak->ik", normals, relative)
+    slips = ~contacts.sticks & friction.any(axis=1)
+    forces[np.arange(m), :, gap] = np.where(slips[:, None], normals + share[:, None] * friction, normals)
+
+    lean = np.zeros((m, 3, size))  # of the normal over the surface, by the unknowns
+    for k in range(2):
+        i = np.flatnonzero(bent[:, k])
+        d, at = directions[i, k], rows.take(len(i))
+        V[at] = np.einsum("ia,iaj->ij", d, way[i])
+        c[at] = np.einsum("ia,iak->ik", d, relative[i])
+        D[at, at] = -share[i] / bends[i, k]
+        lean[i, :, at] = share[i, None] * d
+
+    i = np.flatnonzero(tilted)
+    at = rows.take(len(i))
+    along = np.einsum("ik,ika,ia->ik", bends[i], directions[i], t[i])
+    slope = np.einsum("ik,ika->ia", along, directions[i])
+    V[at] = np.einsum("ia,iaj->ij", slope, way[i]) + np.einsum("ia,iaj->ij", normals[i], turn[i])
+    c[at] = (
+        np.einsum("ia,iak->ik", slope, relative[i])
+        + np.einsum("ia,iak->ik", normals[i], turn[i][:, :, clamps] @ x_clamps)
+        + np.einsum("ia,iak->ik", np.cross(normals[i], t[i]), spin[i])
+    )
+    # where the cable lifts off, the gap's curvature is zero
+    curvature = np.einsum("ia,ia->i", normals[i], dt[i]) + np.einsum("ia,ia->i", slope, t[i])
+    D[at, at] = np.where(contacts.lifts[i], 0.0, np.maximum(curvature, FAINT) * share[i])
+    lean[i, :, at] = share[i, None] * slope
+    slide[i, at] = share[i]
+    W[at] = np.einsum("ia,iaj->ij", normals[i] + share[i, None] * friction[i], turn[i])
+
+    # the normal turns with all of its force, Coulomb friction so as to stay across it
+    forces += pressure[:, None, None] * lean
+    coulomb = np.flatnonzero(friction.any(axis=1) & ~mobile)
+    forces[coulomb] -= np.einsum("ia,ib,ibk->iak", normals[coulomb], friction[coulomb], lean[coulomb])
+
+    i = np.flatnonzero(contacts.sticks)
+    basis = _across(normals[i])
+    for k in range(2):
+        at = rows.take(len(i))
+        V[at] = np.einsum("ia,iaj->ij", basis[:, k], way[i])
+        c[at] = np.einsum("ia,iak->ik", basis[:, k], relative[i])
+        D[at, at] = contacts.give
+        forces[i, :, at] = basis[:, k]
+
+    explicit = np.cross(spin, P[:, :, None], axisa=1, axisb=1, axisc=1)  # turned with the obstacle
+    i = np.flatnonzero(mobile)
+    if len(i):
+        _mobilised(rows, i, contacts, normals, t, dt, turn, lean, slide, forces, explicit, spin, x_clamps)
+
+    flat = way.reshape(3 * m, n)
+    W += forces.reshape(3 * m, size).T @ flat
+    b = columns(*hessian, 0, 3) @ x_clamps[:3] + columns(*hessian, n - 3, 3) @ x_clamps[3:]
+    b -= flat.T @ explicit.reshape(3 * m, motions)
+
+    X = np.concatenate([W.T, b], axis=1)
+    worst = solve_inner(*hessian, order, X)
+    try:
+        if not worst > SINGULAR:
+            raise np.linalg.LinAlgError
+        y = np.linalg.solve(V @ X[:, :size] + D, V @ X[:, size:] - c)
+    except np.linalg.LinAlgError:
+        return np.full((motions, motions), np.nan)
+    x = X[:, :size] @ y - X[:, size:]
+
+    # the wrenches
+    moments = b - W.T @ y  # of the clamps on the cable, at their nodes
+    for first in (0, n - 3):
+        moments[first : first + 3] += columns(*hessian, first, 3).T @ x
+    x[clamps] = x_clamps
+    dP = forces @ y + explicit
+    dr = way @ x + shift + t[:, :, None] * (slide @ y)[:, None, :]
+    dF = y[:3]
+    back = quaternion.conjugate(qe)
+    to_end = np.stack([quaternion.rotate(back, axis) for axis in np.eye(3)], axis=1)
+    out = np.empty((motions, motions))
+    # components along axes that turn with the clamp; the gradient's half turn is the chart's
+    out[0:3] = -(dF + dP.sum(axis=0)) - cross_matrix(start_force) @ x_clamps[:3]
+    out[3:6] = moments[:3] + 0.5 * cross_matrix(g[0]) @ x_clamps[:3]
+    out[6:9] = to_end @ dF + cross_matrix(to_end @ F) @ x_clamps[3:]
+    out[9:12] = moments[n - 3 :] + 0.5 * cross_matrix(g[-1]) @ x_clamps[3:]
+    dM = np.cross(dr, P[:, :, None], axis=1) + np.cross(r[:, :, None], dP, axis=1)
+    for k, which in enumerate(moving):
+        on, first = contacts.obstacles == which, 12 + 6 * k
+        out[first : first + 3] = dP[on].sum(axis=0)
+        out[first + 3 : first + 6] = dM[on].sum(axis=0)
+    return out
+
+
+def _mobilised(
+    rows: Rows, i: np.ndarray, contacts: Contacts, normals: np.ndarray, t: np.ndarray, dt: np.ndarray,
+    turn: np.ndarray, lean: np.ndarray, slide: np.ndarray, forces: np.ndarray, explicit: np.ndarray,
+    spin: np.ndarray, x_clamps: np.ndarray,
+) -> None:  # fmt: skip
+    """Rows for the contacts `i` whose friction is across the cable, along t x n, and turns as these do."""
+    n = turn.shape[2]
+    friction, size = contacts.friction[i], np.linalg.norm(contacts.friction[i], axis=1)
+    side = np.cross(t[i], normals[i])
+    sine = np.einsum("ia,ia->i", side, friction) / size
+    unit = friction / size[:, None]
+    project = (size / sine)[:, None, None] * (np.eye(3) - unit[:, :, None] * unit[:, None, :])
+    by_tangent = -project @ _crossed(normals[i])  # of the friction, by the tangent
+    by_normal = project @ _crossed(t[i])
+    clamps = np.r_[0:3, n - 3 : n]
+    answer = by_tangent @ turn[i]
+    answer_c = answer[:, :, clamps] @ x_clamps
+    turned = np.cross(spin[i], normals[i][:, :, None], axis=1)
+    answer_c += by_normal @ turned
+    answer_y = by_normal @ lean[i] + (by_tangent @ dt[i][:, :, None]) * slide[i][:, None, :]
+    for a in range(3):
+        at = rows.take(len(i))
+        rows.V[at], rows.c[at], rows.D[at] = -answer[:, a], -answer_c[:, a], -answer_y[:, a]
+        rows.D[at, at] += 1.0
+        forces[i, a, at] = 1.0
+    # its own rows turn it: with the obstacle turns only the normal
+    explicit[i] = contacts.pressure[i, None, None] * turned
+
+
+def cross_matrix(v: np.ndarray) -> np.ndarray:
+    """(3, 3): v x u is this times u."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def _crossed(v: np.ndarray) -> np.ndarray:
+    """(m, 3, 3) of the rows of v (m, 3); see `cross_matrix`."""
+    return np.cross(v[:, None, :], np.eye(3)).transpose(0, 2, 1)
+
+
+def _across(n: np.ndarray) -> np.ndarray:
+    """(m, 2, 3) unit vectors across the unit vectors n (m, 3) and each other."""
+    axis = np.eye(3)[np.abs(n).argmin(axis=1)]
+    first = np.cross(n, axis)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(n, first)], axis=1)

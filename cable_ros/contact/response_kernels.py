@@ -1,0 +1,92 @@
+"""Compiled: what the linearised equations of a cable in contact are made of; see `contact.response`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+from cable_ros.contact.assembly import at_place, part
+from cable_ros.contact.distance import gap
+from cable_ros.linalg import banded
+from cable_ros.rod.centreline import direction, find_element, position, shape, tangent
+from cable_ros.rod.energy_kernels import increments, tangent_derivative
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**OPTIONS)
+def displacements(q, h, s0, N, nodes, gauss, primitives, parts, places, way, turn):
+    """Derivatives of the position, `way`, and of the tangent, `turn`, at the arc lengths `places` (m,).
+
+    Both (m, 3, 3n) by the nodal rotations of q (n, 4), at fixed arc length; `parts` as
+    `energy_kernels.hessian` leaves it, `gauss` (p,) the Gauss points.
+    """
+    order = N.shape[1] - 1
+    nd = 3 * (order + 1)
+    frame, D = np.empty((4, nd)), np.empty((4, nd))
+    Nx, dNx = np.empty(order + 1), np.empty(order + 1)
+    qs, t = np.empty(4), np.empty(3)
+    way[:] = 0.0
+    turn[:] = 0.0
+    for i in range(places.shape[0]):
+        e, x = find_element(places[i], s0, h)
+        first = e * order
+        for j in range(order + 1):
+            increments(q[first + j], 3 * j, frame)
+        for k in range(e):
+            for a in range(3):
+                for j in range(nd):
+                    way[i, a, 3 * k * order + j] += parts[k, a, j]
+        for k in range(gauss.shape[0]):
+            if x == 0.0:
+                break
+            at_place(q, first, order, N[k], frame, qs, D)
+            norm = tangent(qs, t)
+            weight = h[e] * part(primitives, k, x)
+            tangent_derivative(qs, t, 2.0 * weight / norm, D, way[i], 3 * first, nd)
+        shape(nodes, x, Nx, dNx)
+        at_place(q, first, order, Nx, frame, qs, D)
+        norm = tangent(qs, t)
+        tangent_derivative(qs, t, 2.0 / norm, D, turn[i], 3 * first, nd)
+
+
+@njit(**OPTIONS)
+def surfaces(q, h, s0, nodes, c, places, which, obstacles):
+    """Centreline and obstacle surface at the arc lengths `places` (m,), obstacles `which` (m,).
+
+    Returns position, tangent, curvature vector and normal, each (m, 3), then the principal directions
+    (m, 2, 3) of the gap's Hessian and its eigenvalues (m, 2). `c`: coefficients of the centreline.
+    """
+    m = places.shape[0]
+    r, t, dt, n = np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3))
+    directions, bends = np.empty((m, 2, 3)), np.empty((m, 2))
+    for i in range(m):
+        position(c, h, s0, places[i], r[i])
+        direction(q, h, s0, nodes, places[i], t[i], dt[i])
+        gap(obstacles[which[i]], r[i], n[i], directions[i], bends[i])
+    return r, t, dt, n, directions, bends
+
+
+@njit(**OPTIONS)
+def columns(elastic, geometric, first, count):
+    """Columns `first` to `first + count` of the Hessian, dense (3n, count)."""
+    n, band = elastic.shape[0], elastic.shape[1] - 1
+    out = np.zeros((n, count))
+    for k in range(count):
+        j = first + k
+        for i in range(max(0, j - band), min(n, j + band + 1)):
+            row, at = max(i, j), band - abs(i - j)
+            out[i, k] = elastic[row, at] + geometric[row, at]
+    return out
+
+
+@njit(**OPTIONS)
+def solve_inner(elastic, geometric, order, X):
+    """X (3n, k) becomes H^-1 X at the inner nodes, and 0 at the ends; returns the pivots' worst quality."""
+    n = elastic.shape[0]
+    U, pivots = np.empty_like(elastic), np.empty(n)
+    _, worst = banded.factor(elastic + geometric, 3, n - 3, order, U, pivots)
+    X[:3] = 0.0
+    X[n - 3 :] = 0.0
+    banded.solve_all(U, pivots, 3, n - 3, order, X)
+    return worst

@@ -1,0 +1,148 @@
+"""Ways past the obstacles: a string pulled tight tells whether a cable is long enough, and where to go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+from cable_ros.contact.distance import across, gap
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+SIDES = 6
+"""Directions in which the string is led around; before them straight, which goes where it is pushed."""
+PARTS = 40
+"""The string's straight parts."""
+CUT = 0.01
+"""Deeper inside than this no part of the string cuts a corner: it goes through, in lengths of the cable."""
+SWEEPS, CHECK = 240, 8
+"""Most sweeps over the string, and how often it is looked at."""
+NARROW = 5e-3
+"""A way that is shorter than the cable by less than this is looked at more closely, parts of the length."""
+FINER = 4
+"""In so many times as many parts."""
+SLIGHT = 1e-4
+"""A way that is longer by no more than this, parts of the length, is not yet called too long."""
+DISTINCT = 0.02
+"""Strings no farther apart than this are one, in lengths of the cable."""
+STILL = 3e-6
+"""Sweeps that move nothing by more end the pulling, in lengths of the cable."""
+
+
+@njit(**OPTIONS)
+def pull_tight(r: np.ndarray, obstacles: np.ndarray, enough: float) -> float:
+    """Move the inner points r (n, 3) of a string until it is not longer than `enough` or as short as it gets.
+
+    Each point in turn goes beyond the middle of its neighbours (over-relaxation), then out of the obstacles.
+    Returns the length; infinity where a part of it goes through one.
+    """
+    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+    last = r.shape[0] - 1
+    factor = 2.0 / (1.0 + np.sin(np.pi / last))
+    length, moved = np.inf, 0.0
+    before = np.empty(3)
+    for sweep in range(SWEEPS):
+        for i in range(1, last):
+            for a in range(3):
+                before[a] = r[i, a]
+                r[i, a] += factor * (0.5 * (r[i - 1, a] + r[i + 1, a]) - r[i, a])
+            for _ in range(2):
+                for o in range(obstacles.shape[0]):
+                    inside = gap(obstacles[o], r[i], n, directions, bends)
+                    if inside < 0.0:
+                        for a in range(3):
+                            r[i, a] -= inside * n[a]
+            for a in range(3):
+                moved = max(moved, abs(r[i, a] - before[a]))
+        if sweep % CHECK == CHECK - 1:
+            length = 0.0
+            for i in range(last):
+                length += np.sqrt(np.sum((r[i + 1] - r[i]) ** 2))
+            if length <= enough or moved < STILL:
+                break
+            moved = 0.0
+    for i in range(last):
+        for x in (0.25, 0.5, 0.75):
+            for a in range(3):
+                before[a] = (1.0 - x) * r[i, a] + x * r[i + 1, a]
+            for o in range(obstacles.shape[0]):
+                if gap(obstacles[o], before, n, directions, bends) < -CUT:
+                    return np.inf
+    return length
+
+
+@njit(**OPTIONS)
+def led(re: np.ndarray, k: int) -> np.ndarray:
+    """A string (n, 3) from 0 to re (3,) that is led around on the k-th of SIDES; straight for k = 0."""
+    sides = np.empty((2, 3))
+    across(re / max(np.sqrt(np.sum(re**2)), 1e-12), sides)
+    r = np.empty((PARTS + 1, 3))
+    angle = 2.0 * np.pi * k / SIDES
+    for i in range(PARTS + 1):
+        x = i / PARTS
+        out = 0.6 * np.sin(np.pi * x) if k > 0 else 0.0
+        for a in range(3):
+            r[i, a] = x * re[a] + out * (np.cos(angle) * sides[0, a] + np.sin(angle) * sides[1, a])
+    return r
+
+
+@njit(**OPTIONS)
+def shortest_way(re: np.ndarray, obstacles: np.ndarray, enough: float) -> tuple[float, np.ndarray]:
+    """Length of the shortest way found from 0 to re (3,) outside the obstacles, and its points (n, 3).
+
+    The search ends with the first one that is not longer than `enough`.
+    """
+    best, way = np.inf, np.empty((PARTS + 1, 3))
+    for k in range(SIDES + 1):
+        r = led(re, k)
+        length = pull_tight(r, obstacles, enough)
+        if length < best:
+            best, way = length, r
+        if best <= enough:
+            break
+    return best, way
+
+
+def ways(re: np.ndarray, obstacles: np.ndarray, reach: float) -> list[np.ndarray]:
+    """Strings (n, 3) from 0 to re (3,) past the obstacles (n, WIDTH), pulled tight, the shortest first.
+
+    Each goes another way round, and none is longer than `reach`.
+    """
+    found: list[tuple[float, np.ndarray]] = []
+    for k in range(SIDES + 1):
+        r = led(re, k)
+        length = float(pull_tight(r, obstacles, 0.0))
+        if length < reach and all(np.abs(r - other).max() > DISTINCT for _, other in found):
+            found.append((length, r))
+    return [r for _, r in sorted(found, key=_first)]
+
+
+def _finer(way: np.ndarray, obstacles: np.ndarray) -> tuple[float, np.ndarray]:
+    """Length and points of the string `way` (n, 3) in FINER times as many parts."""
+    at = np.linspace(0.0, len(way) - 1.0, FINER * (len(way) - 1) + 1)
+    r = np.stack([np.interp(at, np.arange(len(way)), way[:, a]) for a in range(3)], axis=1)
+    return float(pull_tight(r, obstacles, 0.0)), r
+
+
+def _first(one: tuple[float, np.ndarray]) -> float:
+    return one[0]
+
+
+def too_short(re: np.ndarray, obstacles: np.ndarray, reach: float) -> tuple[float, int] | None:
+    """How much longer than `reach` the shortest way past the obstacles (n, WIDTH) is; the nearest to it.
+
+    None where a shorter one was found. Units of the cable, start clamp's frame. Parts of the string that cut
+    a corner make it shorter than it is, never longer.
+    """
+    length, way = shortest_way(re, obstacles, reach - NARROW)
+    if reach - NARROW < length <= reach + SLIGHT:
+        # coarse strings cut corners
+        close = [_finer(one, obstacles) for one in ways(re, obstacles, reach + SLIGHT)]
+        length, way = min(close, key=_first, default=(length, way))
+    if length <= reach + SLIGHT:
+        return None
+    if length == np.inf:
+        return None
+    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+    nearest = [min(gap(one, r, n, directions, bends) for r in way[1:-1]) for one in obstacles]
+    return float(length) - reach, int(np.argmin(nearest))

@@ -1,0 +1,106 @@
+"""One cable that may touch obstacles: a rod with contact points, which come and go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.detection import passage
+from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.patches import resample
+from cable_ros.contact.penalty_continuation import NEAR, descend, give_way
+from cable_ros.contact.points import FORCE, HELD, TIE
+from cable_ros.rod import warm_step
+from cable_ros.rod.elements import Mesh
+from cable_ros.rod.kirchhoff import Rod
+from cable_ros.solve.trust_region import Options
+
+
+class TouchingRod(ActiveSetRod):
+    """A rod among obstacles.
+
+    The contact points belong to its last equilibrium: `advance` and `minimum` change them, together with the
+    lengths of the elements, and put them back where they fail.
+    """
+
+    def variant(
+        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
+        natural: np.ndarray | None = None, scale: float = 1.0, tolerance: float | None = None,
+    ) -> TouchingRod:  # fmt: skip
+        new = TouchingRod(
+            self.mesh if mesh is None else mesh,
+            self.K if stiffness is None else stiffness,
+            self.natural if natural is None else natural,
+            self.tolerance if tolerance is None else tolerance,
+            self.density,
+        )
+        new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
+        new.model, new.sense, new.forgot = self.model, self.sense, self.forgot
+        new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
+        new.points[:, FORCE : HELD + 3] /= scale
+        if mesh is not None:
+            new.points[:, TIE] = -1.0
+            new.count = resample(new.points, new.count, new.h, new.s0)
+        return new
+
+    def minimum(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """Descend with soft obstacles, which any shape can start from, then make them hard."""
+        self.ready = False
+        if self.count:
+            assert self.obstacles is not None
+            # mostly the same equilibrium on another mesh: its contacts are known
+            q_let, F_let = self._let_go(q, F, options.step_tolerance)
+            code, iterations, q_new, F_new = self.touch(
+                q_let, F_let, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
+            )
+            if code == warm_step.ADVANCED:
+                return q_new, F_new, iterations
+            self.forgot = self.forgot or self.model == COULOMB
+            return descend(self, q, F, options, NEAR)
+        return descend(self, q, F, options)
+
+    def advance(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+        tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        assert obstacles is not None
+        assert self.obstacles is not None
+        if not self.count:
+            before = self.qe, self.re, self.f
+            self.ready = False
+            code, iterations, q_new, F_new = super().advance(q, F, qe, re, f, tolerance, limit)
+            if code != warm_step.ADVANCED:
+                return code, iterations, q_new, F_new
+            clearance, crossed = passage(
+                q, q_new, self.h, self.s0, self.tables[0], self.primitives, self.c,
+                self.samples, self.obstacles, obstacles, self.phi,
+            )  # fmt: skip
+            near = clearance <= 0.5 * self.spacing
+            if not near or (clearance > -self.depth and not self._dips(q_new, obstacles)):
+                if crossed:
+                    self.set_conditions(*before)
+                    return warm_step.TOO_FAR, iterations, q_new, F_new
+                self.obstacles = obstacles
+                return code, iterations, q_new, F_new
+            self.set_conditions(*before)
+        result = self.touch(q, F, qe, re, f, tolerance, limit, obstacles)
+        if result[0] == warm_step.ADVANCED:
+            return result
+        return give_way(self, q, F, qe, re, f, limit, obstacles, result)
+
+    def snapshot(self) -> Callable[[], Rod]:
+        return partial(_standing, self, self.mesh, self.points[: self.count].copy(), self.obstacles)
+
+
+def _standing(rod: TouchingRod, mesh: Mesh, points: np.ndarray, obstacles: np.ndarray | None) -> TouchingRod:
+    """A rod like `rod`, among these obstacles and with these contact points (k, COLUMNS)."""
+    new = rod.variant(mesh)
+    new.count = len(points)
+    new.points[: new.count] = points
+    new.set_conditions(rod.qe, rod.re, rod.f, obstacles)
+    return new

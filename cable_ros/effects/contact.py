@@ -1,0 +1,66 @@
+"""Obstacles that the cable cannot enter; `contact.touching_rod` holds the equations.
+
+Contact has no unknowns while nothing touches or is about to, whatever a scene calls for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cable_ros.contact.distance import BOX, CAPSULE, CYLINDER, PLANE, SPHERE, WIDTH
+from cable_ros.effects.effect import Environment, Properties
+from cable_ros.scene import Cable, Scene
+from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, Sphere
+
+NAME = "contact"
+ABSENT = "no obstacles"
+SIZE = "cable radius / L"
+
+
+def cause(scene: Scene, cable: Cable) -> str:
+    names = [obstacle.name for obstacle in scene.obstacles]
+    return f"obstacle{'s' if len(names) > 1 else ''} {', '.join(names)}" if names else ""
+
+
+def add(properties: Properties, scene: Scene, cable: Cable, environment: Environment) -> Properties:
+    return dataclasses.replace(properties, obstacles=encode(scene.obstacles, cable.radius))
+
+
+def size(scene: Scene, cable: Cable, environment: Environment, force: float) -> float:
+    return cable.radius / cable.length
+
+
+def encode(obstacles: Sequence[Obstacle], radius: float) -> np.ndarray:
+    """The obstacles (n, WIDTH) as `distance.gap` takes them, SI, each in its link's frame."""
+    out = np.zeros((len(obstacles), WIDTH))
+    for row, obstacle in zip(out, obstacles, strict=True):
+        shape = obstacle.shape
+        turn = np.eye(3)
+        if isinstance(shape, Sphere):
+            row[0], row[1:4], row[13] = SPHERE, shape.center, shape.radius
+        elif isinstance(shape, Plane):
+            row[0], row[1:4] = PLANE, shape.point
+            turn = _facing(shape.normal)
+        elif isinstance(shape, Capsule | Cylinder):
+            axis = shape.end - shape.start
+            row[0] = CAPSULE if isinstance(shape, Capsule) else CYLINDER
+            row[1:4] = 0.5 * (shape.start + shape.end)
+            row[13:15] = shape.radius, 0.5 * np.linalg.norm(axis)
+            turn = _facing(axis / np.linalg.norm(axis))
+        elif isinstance(shape, Box):
+            row[0], row[1:4], row[13:16] = BOX, shape.center, 0.5 * shape.size
+            turn = Rotation.from_quat(shape.orientation).as_matrix()
+        row[4:13] = turn.ravel()
+        row[16] = radius if obstacle.cable_radius_counts else 0.0
+    return out
+
+
+def _facing(z: np.ndarray) -> np.ndarray:
+    """Some rotation matrix (3, 3) with the given third column."""
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

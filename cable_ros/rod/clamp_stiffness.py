@@ -1,0 +1,86 @@
+"""Compiled: how both clamps' wrenches answer to small motions of the clamps, from the factored tangent."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+from cable_ros.rod import quaternion
+from cable_ros.rod.energy_kernels import gradient, workspace
+from cable_ros.rod.warm_step import end_coupling, end_rows, saddle_step
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**OPTIONS)
+def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order, L, pivots, Y, S, g):
+    """Derivative (12, 12) of both clamps' wrenches on the cable by their motions, in units of the cable.
+
+    Rows: force and moment at the start, then at the end, each in its clamp's frame. Columns: translation
+    along and rotation about the start clamp's own axes, then the end clamp's. Needs the factors at the
+    equilibrium itself and its gradient `g` (n, 3). The load `f` is fixed in the world: it turns against a
+    start clamp that turns.
+    """
+    nodes = q.shape[0]
+    n = 3 * nodes
+    band = elastic.shape[1] - 1
+    # by motion of the end in the start's frame (6), then by the load in the start's frame (3)
+    inner = np.empty((12, 9))
+    right, s = np.empty(n), np.empty(n)
+    c, dF, theta, unit = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    load, radial, totals = np.empty((nodes, 3)), np.empty(nodes), np.empty(5)
+    nothing, lanes = np.zeros(3), workspace(h, tables)
+    back = quaternion.conjugate(qe)
+    Fb = quaternion.rotate(back, F)
+    M = g[nodes - 1]
+    for k in range(9):
+        right[:], c[:], theta[:], unit[:] = 0.0, 0.0, 0.0, 0.0
+        unit[k % 3] = 1.0
+        if k < 3:
+            c[:] = -quaternion.rotate(qe, unit)
+        elif k < 6:
+            theta[:] = unit
+            end_coupling(elastic, geometric, C, 3, theta, right, c)
+        else:
+            # the gradient is linear in the load: that of a cable without stiffness and end force is its
+            # derivative
+            pull, force = np.zeros((nodes, 4)), np.zeros((h.shape[0], 3))
+            gradient(q, force, unit, nothing, nothing, h, s0, tables, lanes, pull, load, radial, totals)
+            right[:] = load.ravel()
+        saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
+        moment = end_rows(elastic, geometric, C, 3, s, dF)
+        for i in range(3):
+            moment[i] += right[n - 3 + i]
+            for j in range(3):
+                row, at = n - 3 + max(i, j), band - abs(i - j)
+                moment[i] += (elastic[row, at] + geometric[row, at]) * theta[j]
+        # components along axes that turn with the clamp; the gradient's half turn is the chart's
+        turned = np.cross(theta, Fb)
+        half = np.cross(theta, M)
+        dFb = quaternion.rotate(back, dF)
+        for i in range(3):
+            inner[i, k] = -dF[i] - (unit[i] if k >= 6 else 0.0)
+            inner[3 + i, k] = right[i]
+            for j in range(3, min(band + 1 + i, n - 3)):
+                inner[3 + i, k] += (elastic[j, band + i - j] + geometric[j, band + i - j]) * s[j]
+            for a in range(3):
+                inner[3 + i, k] -= C[a, i] * dF[a]
+            inner[6 + i, k] = dFb[i] - turned[i]
+            inner[9 + i, k] = moment[i] - 0.5 * half[i]
+    # seen from the start clamp that moves, the end and the load move the other way
+    out = np.empty((12, 12))
+    out[:, 6:] = inner[:, :6]
+    for k in range(3):
+        unit[:] = 0.0
+        unit[k] = 1.0
+        along = quaternion.rotate(back, unit)
+        across = quaternion.rotate(back, np.cross(unit, re))
+        turned = np.cross(unit, f)
+        for i in range(12):
+            slide, turn = 0.0, 0.0
+            for a in range(3):
+                slide -= inner[i, a] * along[a]
+                turn -= inner[i, a] * across[a] + inner[i, 3 + a] * along[a] + inner[i, 6 + a] * turned[a]
+            out[i, k] = slide
+            out[i, 3 + k] = turn
+    return out

@@ -1,0 +1,193 @@
+"""Compiled: what is known about a solution beyond its numbers: stability margin and error estimate.
+
+The arrays are those of `Rod` (rod.py); `fine` and `bubble` are `elements.enrichment`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+from cable_ros.linalg import banded
+from cable_ros.linalg.bordered import border_step, end_rows, solve3
+from cable_ros.rod.energy_kernels import increments, second, section, tangent_derivative
+from cable_ros.rod.units import norm3, relative_change
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+STIR = 0.1
+"""So much of what has nothing to do with the last softest mode is in the start of the search for the next."""
+
+
+@njit(**OPTIONS)
+def margin(elastic, V, rows, order, L, pivots, Y, S, mode, waves, repeats):
+    """Smallest eigenvalue of H v = lambda D v on the tangent space, D elastic, by inverse iteration.
+
+    `mode` (3n,) is the start, mixed with a little of `waves` (3n,) so that no symmetry hides a mode, and
+    receives the eigenvector; ends when the value changes by less than 1e-4 of itself. Only for a factored
+    strict minimum.
+    """
+    n = mode.shape[0]
+    x = np.empty(n)
+    y = np.empty(n)
+    zero = np.zeros(rows)
+    dF = np.empty(rows)
+    value = np.inf
+    for i in range(n):
+        mode[i] += STIR * waves[i]
+    banded.multiply(elastic, mode, y)
+    for _ in range(repeats):
+        for i in range(n):
+            y[i] = -y[i]
+        border_step(y, zero, V, rows, order, L, pivots, Y, S, x, dF)
+        top = 0.0
+        for i in range(n):
+            top -= x[i] * y[i]
+        banded.multiply(elastic, x, y)
+        norm2 = 0.0
+        for i in range(n):
+            norm2 += x[i] * y[i]
+        before, value = value, top / norm2
+        scale = 1.0 / np.sqrt(norm2)
+        for i in range(n):
+            mode[i] = scale * x[i]
+            y[i] *= scale
+        if abs(before - value) <= 1e-4 * abs(value):
+            break
+    return value
+
+
+@njit(**OPTIONS)
+def error(
+    q, Fe, re, f, K, kappa0, h, s0, fine, bubble,
+    elastic, geometric, V, rows, lines, upto, coarse, L, pivots, Y, S, g, residual, shares,
+):  # fmt: skip
+    """First-order change (6,) of end force and end moment when every element gets one order more.
+
+    The enriched space adds one polynomial an element (`bubble`: its values and slopes at the points of
+    `fine`), which is eliminated there; the rest is one solve with the factors at hand. `g` (n, 3) is the
+    solution's own gradient, `Fe` as in `gradient`, `residual` (3n,) comes with what point forces inside
+    elements pull. Rows of V beyond the third read the position after `upto` (rows,) elements along `lines`
+    (rows, 3), which is now at `coarse` (elements + 1, 3). `shares` (elements,) receives each element's part
+    in energy norm squared, for refinement.
+    """
+    N, dN, _, _, points, weights = fine[:6]
+    order = N.shape[1] - 1
+    nd = 3 * (order + 1)
+    n = 3 * q.shape[0]
+    qs, ds, G = np.empty(4), np.empty(4), np.empty(3)
+    Db = np.empty((8, 3))
+    frame = np.empty((4, nd))
+    middle = np.empty((4, 3))
+    # by the nodal quaternions themselves, summed over the points: rows of Hbc, then the gradient
+    sums = np.empty((order + 1, 16))
+    H = np.empty((8, 8))
+    k8 = np.empty((3, 8))
+    Z = np.empty((3, 8))
+    Hbb = np.empty((3, 3))
+    Hbc = np.empty((3, nd))
+    Cb = np.zeros((3, 3))
+    rb = np.empty(3)
+    strain, x = np.empty(3), np.empty(3)
+    c = np.zeros(rows)
+    for a in range(3):
+        c[a] = -re[a]
+    for e in range(h.shape[0]):
+        first = e * order
+        for i in range(order + 1):
+            increments(q[first + i], 3 * i, frame)
+        j = 3 * (order // 2)
+        for a in range(4):
+            for b in range(3):
+                middle[a, b] = frame[a, j + b]
+        Hbb[:] = 0.0
+        sums[:] = 0.0
+        Cb[:] = 0.0
+        rb[:] = 0.0
+        for k in range(N.shape[0]):
+            for a in range(4):
+                qs[a] = 0.0
+                ds[a] = 0.0
+            for i in range(order + 1):
+                v, d = N[k, i], dN[k, i] / h[e]
+                for a in range(4):
+                    qs[a] += v * q[first + i, a]
+                    ds[a] += d * q[first + i, a]
+            for a in range(4):
+                for b in range(3):
+                    Db[a, b] = bubble[0, k] * middle[a, b]
+                    Db[4 + a, b] = bubble[1, k] / h[e] * middle[a, b]
+            rest = 1.0 - s0[e] - h[e] * points[k]
+            for a in range(3):
+                G[a] = Fe[e, a] + rest * f[a]
+            kappa, moment, t, gq, gd, norm, T, mk = section(qs, ds, K, kappa0, G)
+            wh = weights[k] * h[e]
+            second(qs, ds, K, G, kappa, moment, gq, gd, norm, T, mk, wh, k8, H)
+            for b in range(3):
+                for i in range(3):
+                    v = 0.0
+                    for a in range(8):
+                        v += k8[i, a] * Db[a, b]
+                    strain[i] = K[i] * v
+                for a in range(8):
+                    v = strain[0] * k8[0, a] + strain[1] * k8[1, a] + strain[2] * k8[2, a]
+                    for i in range(8):
+                        v += Db[i, b] * H[i, a]
+                    Z[b, a] = v
+                for b2 in range(3):
+                    v = 0.0
+                    for a in range(8):
+                        v += Z[b, a] * Db[a, b2]
+                    Hbb[b, b2] += v
+                v = 0.0
+                for a in range(4):
+                    v += Db[a, b] * gq[a] + Db[4 + a, b] * gd[a]
+                rb[b] += wh * v
+            tangent_derivative(qs, t, 2.0 * wh / norm, Db, Cb, 0, 3)
+            for a in range(3):
+                c[a] += wh * t[a]
+            for i in range(order + 1):
+                v, d = N[k, i], dN[k, i] / h[e]
+                for a in range(4):
+                    for b in range(3):
+                        sums[i, 4 * b + a] += v * Z[b, a] + d * Z[b, 4 + a]
+                    sums[i, 12 + a] += wh * (v * gq[a] + d * gd[a])
+        for i in range(order + 1):
+            for j in range(3 * i, 3 * i + 3):
+                for b in range(4):
+                    v = 0.0
+                    for a in range(4):
+                        v += sums[i, 4 * b + a] * frame[a, j]
+                    if b < 3:
+                        Hbc[b, j] = v
+                    else:
+                        residual[3 * first + j] += v
+        solve3(Hbb, rb, x)
+        shares[e] = abs(rb[0] * x[0] + rb[1] * x[1] + rb[2] * x[2])
+        for b in range(3):
+            for j in range(nd):
+                residual[3 * first + j] -= Hbc[b, j] * x[b]
+            for a in range(3):
+                c[a] -= Cb[a, b] * x[b]
+        for i in range(3, rows):
+            if upto[i] == e + 1:
+                for a in range(3):
+                    c[i] += lines[i, a] * (c[a] + re[a] - coarse[e + 1, a])
+    s = np.empty(n)
+    dF = np.empty(rows)
+    border_step(residual, c, V, rows, order, L, pivots, Y, S, s, dF)
+    change = end_rows(elastic, geometric, V, rows, s, dF)
+    out = np.empty(6)
+    for a in range(3):
+        out[a] = dF[a]
+        out[3 + a] = residual[n - 3 + a] + change[a] - g[q.shape[0] - 1, a]
+    return out
+
+
+@njit(**OPTIONS)
+def relative_error(change, F, moment, shares, least):
+    """The estimated relative error of an end wrench F (3,), `moment` (3,) from what `error` found."""
+    signed = relative_change(change, np.concatenate((F, moment)), least)
+    # the signed change can cancel; the energy that a finer mesh would set free cannot
+    size = max(norm3(moment), np.sqrt(norm3(F)), least)
+    return max(signed, 0.5 * shares.sum() / size)

@@ -1,0 +1,298 @@
+"""One cable between two clamps, discretised: the problem that the trust region solves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cable_ros.linalg import banded, bordered
+from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod.clamp_stiffness import clamp_response
+from cable_ros.rod.elements import Mesh, enrichment
+from cable_ros.rod.energy_kernels import gradient, hessian, workspace
+from cable_ros.solve.trust_region import Options, minimize
+
+ORDER = 6
+"""Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
+
+REFRESH, OFF = 0.05, 0.1
+"""Factors, stability margin and error estimate are renewed when a section has turned this far, rad, since;
+sooner where the margin, going on to change as it last did, would be off by more than this part of itself."""
+NOTHING = np.zeros(3)
+NO_LINES, NO_ELEMENTS = np.zeros((0, 3)), np.zeros(0, np.int64)
+"""For `warm_step.error`: nothing is touched."""
+
+
+class Rod:
+    """A Kirchhoff rod in units of the cable, in its start clamp's frame; see `rod.energy_kernels`.
+
+    Implements `solve.trust_region.Problem`: points are nodal quaternions (n, 4), multipliers the end force
+    (3,), steps (3n,) nodal rotation vectors, zero at the clamps.
+
+    Args:
+        mesh: the elements.
+        stiffness: (3,) about the section's axes, in units of the cable.
+        natural: (3,) curvature and twist of the unloaded cable.
+    """
+
+    obstacles: np.ndarray | None = None
+    """What it may touch: nothing."""
+
+    work = np.inf
+    """Budget that is left of a solve, iterations times unknowns: results must not depend on the clock."""
+
+    few = 3
+    """Iterations of a step after which the next one may be longer."""
+
+    cost = 1.0
+    """Work of an iteration over that of a rod without contact."""
+
+    remembers = False
+    """Whether falls keep friction's history."""
+
+    lies = False
+    """Whether it lies along something that rubs."""
+
+    stride = 2.0
+    """How much longer the next step may be than the last, or shorter it must be, for friction's sake."""
+
+    forgot = False
+    """Whether friction's history was lost in a descent, which knows nothing of it."""
+
+    least = 1e-6
+    """A wrench below this, in units of the cable, counts as nothing in a relative error."""
+
+    def __init__(self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None) -> None:
+        self.K = np.ascontiguousarray(stiffness, float)
+        self.natural = np.zeros(3) if natural is None else np.ascontiguousarray(natural, float)
+        self.qe, self.re, self.f = np.array([1.0, 0, 0, 0]), np.array([0.0, 0, 1]), np.zeros(3)
+        self._allocate(mesh)
+
+    def _allocate(self, mesh: Mesh) -> None:
+        order, elements = mesh.element.order, len(mesh.lengths)
+        nodes = elements * order + 1
+        n, band = 3 * nodes, 3 * (order + 1)
+        self.mesh = mesh
+        self.h, self.s0 = np.ascontiguousarray(mesh.lengths), mesh.starts
+        self.tables = mesh.element.tables
+        fine, self.bubble = enrichment(order)
+        self.fine = fine.tables
+        self.elastic, self.geometric = np.zeros((n, band)), np.zeros((n, band))
+        self.A, self.L, self.pivots = np.zeros((n, band)), np.zeros((n, band)), np.ones(n)
+        self.C, self.Y, self.S = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 3))
+        self.parts, self.acc = np.zeros((elements, 3, band)), np.zeros((nodes, 4))
+        self.lanes = workspace(self.h, self.tables)
+        self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
+        self.shares = np.zeros(elements)
+        self.mode = np.zeros(n)
+        self._waves: np.ndarray | None = None
+        self.drift, self.age, self.refresh = np.inf, np.inf, REFRESH
+        self.margin = np.nan
+        # the last equilibria of `advance` on this mesh: the latest itself, how many, and all of them
+        self.latest: np.ndarray | None = None
+        self.known = 0
+        self.shapes, self.forces = np.zeros((3, nodes, 4)), np.zeros((3, 3))
+        self.places = np.zeros((3, 10))
+        self._normal: tuple[np.ndarray, np.ndarray] | None = None
+
+    def set_conditions(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
+    ) -> None:
+        """End frame (4,) scalar first, end position (3,), load (3,) per length; see `TouchingRod`."""
+        self.qe, self.re, self.f = qe, re, f
+
+    def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
+        """Which elements (elements,) are too long for something else than the wrench; see `BorderedRod`."""
+        return np.zeros(len(self.h), bool)
+
+    def suited(self, mesh: Mesh) -> Mesh:
+        """The mesh, changed where this rod has to have boundaries between elements."""
+        return mesh
+
+    def variant(
+        self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
+        natural: np.ndarray | None = None, scale: float = 1.0,
+    ) -> Rod:  # fmt: skip
+        """The rod with another mesh or section, the same conditions; `scale`: forces, new unit over old."""
+        new = Rod(
+            self.mesh if mesh is None else mesh,
+            self.K if stiffness is None else stiffness,
+            self.natural if natural is None else natural,
+        )
+        new.set_conditions(self.qe, self.re, self.f / scale)
+        return new
+
+    def snapshot(self) -> Callable[[], Rod]:
+        """What makes a rod of its own that stands as this one does now; cheap until it is called."""
+        return self.variant
+
+    def held(self) -> np.ndarray:
+        """(3,): force of the obstacles on the rod."""
+        return NOTHING
+
+    # Problem
+
+    def _gradient(self, q: np.ndarray, F: np.ndarray) -> None:
+        self.latest = None
+        self.acc[:] = 0.0
+        gradient(q, warm_step.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0,
+                 self.tables, self.lanes, self.acc, self.g, self.radial, self.totals)  # fmt: skip
+
+    def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        self._gradient(x, np.zeros(3))
+        return float(self.totals[3]), self.totals[:3] - self.re
+
+    def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        self._gradient(x, y)
+        hessian(x, warm_step.spread(y, self.h), self.f, self.K, self.natural, self.h, self.s0, self.tables,
+                self.radial, self.elastic, self.geometric, self.parts, self.C)  # fmt: skip
+        self._normal = None
+        g = self.g.ravel().copy()
+        g[:3] = g[-3:] = 0.0
+        return float(self.totals[3]), self.totals[:3] - self.re, g
+
+    def factor(self, mu: float) -> bool:
+        self.drift = 0.0
+        return warm_step.factor(self.elastic, self.geometric, self.C, mu, self.mesh.element.order,
+                               self.A, self.L, self.pivots, self.Y, self.S)  # fmt: skip
+
+    def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        s, dF = np.empty(gradient.shape[0]), np.empty(3)
+        warm_step.saddle_step(gradient, constraints, self.C, self.mesh.element.order,
+                             self.L, self.pivots, self.Y, self.S, s, dF)  # fmt: skip
+        return s, dF
+
+    def normal_step(self, constraints: np.ndarray) -> np.ndarray:
+        if self._normal is None:
+            order, n = self.mesh.element.order, self.elastic.shape[0]
+            L, pivots = np.zeros_like(self.L), np.ones(n)
+            banded.factor(self.elastic, 3, n - 3, order, L, pivots)
+            X = self.C.copy()
+            X[:, :3] = X[:, -3:] = 0.0
+            for row in X:
+                banded.solve(L, pivots, 3, n - 3, order, row)
+            self._normal = X, self.C @ X.T
+        X, G = self._normal
+        # a straight rod cannot move its end along itself: a little damping keeps that direction finite
+        return -np.linalg.solve(G + 1e-9 * np.trace(G) * np.eye(3), constraints) @ X
+
+    def apply_hessian(self, s: np.ndarray) -> np.ndarray:
+        y, z = np.empty_like(s), np.empty_like(s)
+        banded.multiply(self.elastic, s, y)
+        banded.multiply(self.geometric, s, z)
+        return y + z
+
+    def derivative(self, s: np.ndarray) -> np.ndarray:
+        return self.C @ s
+
+    def norm(self, s: np.ndarray) -> float:
+        y = np.empty_like(s)
+        banded.multiply(self.elastic, s, y)
+        return float(np.sqrt(max(s @ y, 0.0)))
+
+    def retract(self, x: np.ndarray, s: np.ndarray) -> np.ndarray:
+        out = np.empty_like(x)
+        quaternion.retract(x, s, out)
+        return out
+
+    def minimum(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """The stable equilibrium where a descent from (q, F) ends, factored: q, F, iterations; or None."""
+        result = minimize(self, q, F, options)
+        if not result.converged:
+            return None
+        return (result.x, result.y, result.iterations) if self.refactor(result.x, result.y) else None
+
+    def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
+        """Set the factors up at (q, F); whether that is a strict minimum's."""
+        self.linearize(q, F)
+        return self.factor(0.0)
+
+    # what a solution says
+
+    def advance(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+        tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        """One warm-started solve, see `warm_step.advance`; returns code, iterations and the new (q, F)."""
+        q_new, F_new = np.empty_like(q), np.empty(3)
+        known = self.known if q is self.latest else 0
+        code, iterations, self.age, fresh = warm_step.advance(
+            q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables,
+            self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.Y, self.S,
+            self.acc, self.g, self.radial, self.totals,
+            known, self.shapes, self.forces, self.places, tolerance, limit, self.drift, self.refresh,
+            q_new, F_new,
+        )  # fmt: skip
+        self.latest, self.known = None, 0
+        self.drift = 0.0 if fresh else self.age
+        if code == warm_step.ADVANCED:
+            self.set_conditions(qe, re, f)
+            self.latest, self.known = q_new, min(known + 1, 3)
+        return code, iterations, q_new, F_new
+
+    def stability_margin(self) -> float:
+        """Smallest eigenvalue of the Hessian on the tangent space, relative to the elastic stiffness.
+
+        The rod must be factored at a strict minimum; the eigenvector found last is the start of the next
+        search.
+        """
+        margin = self._softest()
+        change = abs(margin - self.margin)
+        self.refresh = REFRESH
+        if change > 0.0 and self.age < np.inf:
+            self.refresh = min(REFRESH, OFF * margin * self.age / change)
+        self.margin = margin
+        return margin
+
+    def _softest(self) -> float:
+        return float(warm_step.margin(self.elastic, self.C, 3, self.mesh.element.order, self.L, self.pivots,
+                                     self.Y, self.S, self.mode, self.waves(), 50))  # fmt: skip
+
+    def waves(self) -> np.ndarray:
+        """(3n,) some rotation of the sections that is smooth and zero at the clamps; elastic energy 1/2."""
+        if self._waves is None:
+            k = np.arange(1, 5)
+            waves = np.sin(np.pi * np.outer(self.mesh.nodes, k)) / k**2
+            waves = (waves @ np.random.default_rng(0).normal(size=(4, 3))).ravel()
+            waves[:3] = waves[-3:] = 0.0
+            self._waves = waves / self.norm(waves)
+        return self._waves
+
+    def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """Derivative (12, 12) of the clamps' wrenches by their motions; see
+        `clamp_stiffness.clamp_response`."""
+        self.linearize(q, F)
+        self.factor(-bordered.NEUTRAL)
+        return clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic,
+                              self.geometric, self.C, self.mesh.element.order, self.L, self.pivots, self.Y,
+                              self.S, self.g)  # fmt: skip
+
+    def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """Estimated error (6,) of end force and end moment, in units of the cable; see `warm_step.error`."""
+        return self._wrench_error(q, F, self.re, np.zeros(self.g.size))
+
+    def _wrench_error(self, q: np.ndarray, F: np.ndarray, re: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        return warm_step.error(q, warm_step.spread(F, self.h), re, self.f, self.K, self.natural, self.h,
+                              self.s0, self.fine, self.bubble, self.elastic, self.geometric, self.C, 3,
+                              NO_LINES, NO_ELEMENTS, NO_LINES, self.L, self.pivots, self.Y, self.S, self.g,
+                              residual, self.shares)  # fmt: skip
+
+    def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
+        """Estimated relative error of the end wrench; see `units.relative_change`."""
+        change = self.wrench_error(q, F)
+        return float(warm_step.relative_error(change, F, self.g[-1], self.shares, self.least))
+
+    def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """(2,) what lying at the clamps adds to `relative_error`; see `BorderedRod`."""
+        return np.zeros(2)
+
+    def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
+        """What friction adds to `relative_error`; see `BorderedRod`."""
+        return 0.0
+
+    def rubs_anew(self) -> bool:
+        """Whether `friction_error` should be asked again; see `BorderedRod`."""
+        return False

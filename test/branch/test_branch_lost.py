@@ -1,0 +1,193 @@
+"""A branch that was lost is told at every pose until it is known again, and nothing of it is trusted."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_budget import past_a_ball
+from test_friction import MU, draped, on_drum
+from zoo_make import ARM
+
+from cable_ros import Equilibrium, Status, Tracker, load_scene
+from cable_ros.branch import cable_tracker
+from cable_ros.branch.continuation import FOLD, SMALL, Fall
+from cable_ros.branch.standing import Loss, Standing
+from cable_ros.joint import joint_load, joint_stiffness, joint_torque
+from cable_ros.log import events
+from cable_ros.log.resolve import Outcome, resolve
+from cable_ros.log.run import Event, Solve
+
+TOLD = "it was led there by a test"
+FALL = Fall(0.5, 2.0, 1.0, 0.0, 0.1, jumped=True, touched=False, margin=0.01, to_fold=1.0)
+
+
+def arm() -> tuple[Tracker, str]:
+    tracker = Tracker(load_scene(ARM))
+    return tracker, tracker.scene.cables[0].name
+
+
+@pytest.mark.parametrize(
+    ("change", "folded"),
+    [
+        ({}, True),
+        ({"margin": 1.1 * SMALL}, False),
+        ({"to_fold": 1.1 * FOLD}, False),
+        ({"to_fold": math.inf}, False),
+        ({"energy_after": 2.1}, False),
+    ],
+)
+def test_a_fold_is_a_margin_that_runs_to_zero_and_energy_that_falls(change: dict, folded: bool) -> None:
+    assert replace(FALL, **change).folded is folded
+
+
+def test_what_was_lost_is_told_and_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, home = past_a_ball(0.1)
+    tracker = Tracker(scene)
+    tracker.solve(home)
+    monkeypatch.setattr(cable_tracker, "WORK", 0)
+    away = {**home, "z": 0.3, "x": -0.4, "pitch": 1.0}
+    lost = tracker.solve(away)["cable"]
+    assert lost.status is Status.BRANCH_LOST
+    assert not lost.status.trusted
+    assert not lost.converged
+    assert np.isfinite(lost.end_wrench).all()  # the last attempt
+    for said in ("solved anew", "total twist", "call reset", "~/reset"):
+        assert said in lost.message
+    assert list(tracker.lost) == ["cable"]
+    # its last attempt makes no torque
+    load = joint_load(tracker, {"cable": lost}, away)
+    assert load.torque.shape == (len(tracker.joint_names),)
+    for numbers in (*load, joint_torque(tracker, {"cable": lost}, away)):
+        assert np.isnan(numbers).all()
+    assert np.isnan(joint_stiffness(tracker, {"cable": lost}, away)).all()
+    monkeypatch.undo()
+    # a copy of the tracker's state knows it as well
+    kept = pickle.loads(pickle.dumps(tracker.snapshot()))
+    tracker.reset()
+    assert tracker.solve(away)["cable"].status is Status.CONVERGED
+    assert not tracker.lost
+    tracker.restore(kept)
+    assert tracker.lost
+
+
+def test_a_cable_that_touches_nothing_is_known_again_if_it_is_the_only_one_near() -> None:
+    tracker, name = arm()
+    before = tracker.solve({"orientation": 0.0})[name]
+    tracker.distrust({name: TOLD})
+    # that is not followed, but known at the next pose
+    after = tracker.solve({"orientation": 0.01})[name]
+    assert after.status is Status.CONVERGED
+    assert after.total_twist == pytest.approx(before.total_twist, abs=0.1)
+
+
+def test_a_mirror_image_stays_lost_until_reset() -> None:
+    cable = {
+        "name": "cable",
+        "length": 1.0,
+        "stiffness": [4.0, 1.0, 1.0],
+        "linear_density": 0.0,
+        "start": {"position": [0.0, 0.0, 0.0], "orientation": [0.0, 0.0, 0.0, 1.0]},
+        "end": {"position": [0.0, 0.0, 0.8], "orientation": [0.0, 0.0, 0.0, 1.0]},
+    }
+    tracker = Tracker(load_scene({"gravity": [0.0, 0.0, 0.0], "cables": [cable]}))
+    assert tracker.solve({})["cable"].status is Status.CONVERGED
+    tracker.distrust({"cable": TOLD})
+    for _ in range(3):
+        assert tracker.solve({})["cable"].status is Status.BRANCH_LOST
+    tracker.reset()
+    assert tracker.solve({})["cable"].status is Status.CONVERGED
+
+
+def drawn(tracker: Tracker, turns: np.ndarray) -> list[Equilibrium]:
+    return [tracker.arrive({"turn": float(turn)})["cable"] for turn in turns]
+
+
+def test_a_patch_is_not_known_again_because_it_slips() -> None:
+    """Where a cable lies is the past's doing even while all of it slips."""
+    there, back = np.array([0.0, 0.02, 0.04]), 0.04 - 1e-3 * np.arange(1, 31)
+    tracker = on_drum(draped(0.0)[1], MU)
+    drawn(tracker, there[-1:])
+    tracker.distrust({"cable": TOLD})
+    found = drawn(tracker, back)
+    assert all(touch.sliding for touch in found[-1].contacts)
+    assert {one.status for one in found} == {Status.BRANCH_LOST}
+    tracker.reset()
+    assert drawn(tracker, back[-1:])[0].status is Status.CONVERGED
+
+
+@pytest.mark.parametrize("later", [1.1, 0.0])
+def test_with_friction_a_pose_that_was_not_reached_is_gone_through(
+    later: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Asked for another pose meanwhile, on the straight path or back, the cable takes the path as it was."""
+    whole, cut = on_drum(draped(0.0)[1], MU), on_drum(draped(0.0)[1], MU)
+    turns = np.array([0.0, 0.02, 1.0, later])
+    expected = drawn(whole, turns)[-1]
+    drawn(cut, turns[:2])
+    monkeypatch.setattr(cable_tracker, "WORK", 20_000)
+    assert cut.solve({"turn": 1.0})["cable"].status is Status.UNFINISHED
+    monkeypatch.undo()
+    found = cut.arrive({"turn": later})["cable"]
+    assert found.status is expected.status
+    assert found.end_wrench == pytest.approx(expected.end_wrench, rel=0.01)
+
+
+def test_poses_that_wait_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    tracker = on_drum(draped(0.0)[1], MU)
+    drawn(tracker, np.array([0.0, 0.02]))
+    monkeypatch.setattr(cable_tracker, "WORK", 10_000)
+    monkeypatch.setattr(cable_tracker, "MOST_WAITING", 4)
+    found = [tracker.solve({"turn": turn})["cable"].status for turn in (1.0, 0.1, 0.9, 0.2, 0.8, 0.3, 0.7)]
+    assert Status.UNFINISHED in found
+    assert Status.BRANCH_LOST not in found[:4]
+    monkeypatch.undo()
+    lost = tracker.arrive({"turn": 0.3})["cable"]
+    assert lost.status is Status.BRANCH_LOST
+    assert "friction depends on the way" in lost.message
+
+
+def test_what_sticks_in_between_counts_from_the_beginning() -> None:
+    loss = Loss(TOLD, history=True).followed(0.1, slips=False, step=True)
+    loss = loss.followed(0.1, slips=True, step=True)
+    assert not loss.forgotten  # within this motion it began to slip
+    loss = loss.followed(0.15, slips=True, step=True)
+    assert not loss.forgotten
+    assert loss.followed(0.05, slips=True, step=True).forgotten
+    stuck = loss.followed(0.05, slips=False, step=True)
+    assert not stuck.followed(0.1, slips=True, step=True).followed(0.3, slips=True, step=True).forgotten
+    # what lies between the ends of a walk is not known
+    assert not loss.followed(0.05, slips=True, step=False).forgotten
+    # without friction there is nothing to forget, and the branch is not known by slip
+    assert not replace(loss, history=False).followed(1.0, slips=True, step=True).forgotten
+
+
+def test_snaps_are_kept_until_they_are_told() -> None:
+    standing = Standing()
+    for _ in range(5):
+        standing = standing.snapped(FALL)
+    story = standing.story(1.0)
+    assert "2 times before" in story
+    assert story.count("total twist") == 3
+    assert standing.lost(TOLD, True).snapped(FALL).snaps == ()
+
+
+def test_another_tolerance_keeps_the_branch_and_its_friction() -> None:
+    tracker = on_drum(draped(0.0)[1], MU)
+    before = drawn(tracker, np.array([0.0, 0.02, 0.04]))[-1]
+    tracker.tolerance = 1e-5
+    (after,) = drawn(tracker, np.array([0.04]))
+    assert after.status is Status.CONVERGED
+    # all of it slips, where Newton's method may not get to 1e-8: then it goes on on a grid, and says so
+    off = np.abs(after.end_wrench - before.end_wrench).max() / np.abs(before.end_wrench).max()
+    assert off < max(2e-4, after.error_estimate)
+
+
+def test_a_log_carries_what_was_lost() -> None:
+    tracker, name = arm()
+    start = Event(0, events.START, {"fresh": False, "lost": {name: TOLD}})
+    ((_, found),) = resolve([start, Solve(0, 0, {"orientation": 0.0})], tracker, Outcome())
+    assert found[name].status is Status.BRANCH_LOST
