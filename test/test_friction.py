@@ -17,6 +17,8 @@ from references.free_boundary import GROUND, Lying, Surface, clamp, meet, stuck
 from references.reference import Reference, planar_frame
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
+from cable_ros.bench.cases import case_scene
+from cable_ros.bench.drawn import drawn_case, refined
 
 MU, RADIUS, WRAP = 0.35, 0.15, 1.4
 CENTRE = contact.cylinder_centre(RADIUS, WRAP)
@@ -189,3 +191,19 @@ def test_ground_drawn_sideways_under_a_lying_rod() -> None:
         assert rub == pytest.approx([0.0, sign * 0.35 * 40.0, 0.0], abs=REACHED * 40.0)
         assert all(touch.sliding for touch in one.contacts)
         keeps_the_cone(one, 0.35)
+
+
+def test_a_lying_cable_led_sideways_and_back_in_more_poses_has_the_same_wrench() -> None:
+    """Where the path turns round friction does, too: within one step if only the poses made the steps."""
+    case = drawn_case(12, 21, 1e-4)  # a cable on the ground, 31 poses
+    there = case.path[:19]
+    few, many = (
+        [tracker.arrive(pose)["cable"] for pose in path]
+        for tracker, path in (
+            (Tracker(case_scene(case)), there),
+            (Tracker(case_scene(case)), refined(there, 4)),
+        )
+    )
+    assert {one.status for one in (*few, *many)} == {Status.CONVERGED}
+    off = [error(a.end_wrench, b.end_wrench) for a, b in zip(few, many[::4], strict=True)]
+    assert max(off) < 0.01

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from references import contact
 from references.free_boundary import GROUND, Lying, clamp, walk
+from references.planar import elastica
 from references.reference import Reference
+from scipy.spatial.transform import Rotation
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
@@ -157,3 +159,38 @@ def test_the_wrench_has_twice_the_order_of_the_elements(
     # from below: the coarsest meshes have one element on a span; beyond these rounding, 4e-11, shows
     assert 2 * order - 2 < rates[-1] < 2 * order + 1
     assert errors[-1] < 3e-8
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_a_twisted_cable_on_the_ground_lifts_its_clamps_as_it_must(tolerance: float) -> None:
+    """Flat on the ground it is a planar elastica, whatever its twist; across the ground F n = G J tau kappa.
+
+    That is M' + t x F = 0 at the clamps, whose share of the pressure no sample along the cable tells.
+    """
+    turn, torsion = 1.5, 0.75
+    flat = elastica(1.0, 1.0, thrust=12.0, k=0.4, start_phase=0.3)
+    end = Rotation.from_quat(flat.end[3:]) * Rotation.from_euler("z", turn)
+    scene = {
+        "gravity": [0.0, 0.0, -10.0],
+        "obstacles": [{"name": "ground", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}],
+        "cables": [
+            {
+                "name": "cable",
+                "length": 1.0,
+                "stiffness": [1.0, 1.0, torsion],
+                "linear_density": 6.0,
+                "total_twist": turn,
+                "start": {"position": flat.start[:3].tolist(), "orientation": flat.start[3:].tolist()},
+                "end": {"position": flat.end[:3].tolist(), "orientation": end.as_quat().tolist()},
+            }
+        ],
+    }
+    found = Tracker(load_scene(scene), tolerance=tolerance).solve({})["cable"]
+    assert found.status is Status.CONVERGED
+    assert found.points[:, 2] == pytest.approx(0.0, abs=1e-6)
+    force, moment = end.apply(found.end_wrench[:3]), end.apply(found.end_wrench[3:])
+    curvature = np.linalg.norm(flat.end_wrench[3:])
+    size = np.linalg.norm(force)
+    assert abs(abs(force[2]) - torsion * turn * curvature) < tolerance * size
+    assert abs(force[2]) > 0.05 * size
+    assert abs(abs(moment[2]) - curvature) < tolerance * np.linalg.norm(moment)

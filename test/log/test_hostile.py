@@ -30,7 +30,7 @@ from cable_ros.log.writer import LogWriter
 from cable_ros.share import share_file
 from cable_ros.tracker import Tracker
 
-SOON = 10.0  # s; on a busy machine, each takes a second or less
+SOON = 100.0  # s; what hangs never ends, and each takes a second where nothing else runs
 SCENE_TEXT = share_file("config", "space_arm.yaml").read_text()
 URDF_TEXT = share_file("config", "space_arm.urdf").read_text()
 
@@ -106,9 +106,11 @@ BOMBS = {
 def test_recovery_leaves_bombs_out(tmp_path, name):
     path = log_of(tmp_path / "bomb.mcap", record(4, CHANNEL_1), message(b"before"), BOMBS[name]())
     out = tmp_path / "out.mcap"
-    code = "from pathlib import Path\nfrom cable_ros.log.recover import recover\nimport resource\n"
+    code = "from pathlib import Path\nfrom cable_ros.log.recover import recover\n"
     code += f"found = recover(Path({str(path)!r}), Path({str(out)!r}))\n"
-    code += "print(len(found.damages), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    # not ru_maxrss, which counts the process that this one was forked from
+    code += "peak = Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0]\n"
+    code += "print(len(found.damages), peak)"
     begin = time.monotonic()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     damages, memory = map(int, done.stdout.split())

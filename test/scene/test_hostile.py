@@ -19,7 +19,7 @@ from cable_ros.scene.text import parse_yaml
 
 CLAMP = {"position": [0, 0, 0], "orientation": [0, 0, 0, 1]}
 BALL = {"sphere": {"center": [9, 9, 9], "radius": 0.1}}
-SOON = 5.0  # s; each takes far less, this machine may be busy
+SOON = 100.0  # s; what hangs never ends, and each takes far less
 
 
 def scene(*, link: str | None = None, cable: Any = (), **changes: Any) -> dict[str, Any]:
