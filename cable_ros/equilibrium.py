@@ -129,7 +129,7 @@ class Equilibrium:
     """Estimated relative error of the end wrench."""
     iterations: int
     solve_time: float
-    """Wall time of this solve, s."""
+    """Wall time of this solve, s, without that of compiling or loading code."""
     overlaps: tuple[Overlap, ...] = ()
     """Where its surface meets another cable's, or its own, which no equation forbids: where there is any, the
     equilibrium is one of the equations, but not of the real cable. The message then says so, too."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cable_ros import auto_effects
+from cable_ros.compile_watch import GETTING, listen
 from cable_ros.effects import environments, properties
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.follower import Follower
@@ -19,6 +20,8 @@ from cable_ros.joint_limits import IGNORE, MODES, REFUSE, WARN, JointLimits
 from cable_ros.overlaps import OUTLINE, Pairs
 from cable_ros.scene import Kinematics, Scene, load_scene
 from cable_ros.solve.status import Status
+
+listen()
 
 ABSURD = 1e4
 """Joint values beyond this many rad or m are taken for a fault of the sender, not for a pose."""
@@ -173,7 +176,7 @@ class Tracker:
         Never raises for values: what cannot be used comes back as `Status.INVALID_INPUT`, and the next usable
         pose is followed from the last one.
         """
-        begin = time.perf_counter()
+        begin, code = time.perf_counter(), GETTING.seconds
         self.outside = ""
         try:
             numbers = [float(joints[name]) for name in self.joint_names]
@@ -194,6 +197,9 @@ class Tracker:
             found = follower.solve(self.kinematics, i, values, poses[i], begin)
             if self._auto and found.converged and self._review(i, found):
                 found = follower.solve(self.kinematics, i, values, poses[i], begin)
+            if GETTING.seconds != code:  # compiled, or loaded: once in a process
+                spent, code = GETTING.seconds - code, GETTING.seconds
+                found = dataclasses.replace(found, solve_time=max(found.solve_time - spent, 0.0))
             out[follower.name] = found
             begin = time.perf_counter()
         self._joints = values
