@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_ros.joint import joint_torque
+from cable_ros.joint import joint_torques
 from cable_ros.scene import Scene
 from cable_ros.tracker import Tracker
 
@@ -251,18 +251,13 @@ def _solve_chunk(chunk: _Chunk) -> _Done:
 
 def _solve_row(job: _Job, tracker: Tracker, poses: np.ndarray) -> Batch:
     names = tracker.joint_names
-    rows, loads = [], np.empty(poses.shape)
-    for i, pose in enumerate(poses.tolist()):
-        joints = dict(zip(names, pose, strict=True))
-        rows.append(tracker.arrive(joints))
-        if names:
-            loads[i] = joint_torque(tracker, rows[-1], joints)
+    rows = [tracker.arrive(dict(zip(names, pose, strict=True))) for pose in poses.tolist()]
     cables = tuple(cable.name for cable in job.scene.cables)
     arrays = {
         name: np.array([[getattr(row[cable], name) for cable in cables] for row in rows])
         for name in (*_PER_CABLE, *(["stiffness"] if job.stiffness else []))
     }
-    batch = Batch(cables, names, poses, loads, **arrays)
+    batch = Batch(cables, names, poses, joint_torques(tracker, rows, poses), **arrays)
     refused = ~batch.trusted
     for values in arrays.values():
         if values.dtype == float:
