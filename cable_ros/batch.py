@@ -76,6 +76,10 @@ class Batch:
     def __len__(self) -> int:
         return len(self.joints)
 
+    def __repr__(self) -> str:
+        cables, trusted = ", ".join(self.cables), int(self.trusted.all(axis=1).sum())
+        return f"Batch({len(self)} poses of {cables}; {trusted} can be trusted)"
+
     @property
     def trusted(self) -> np.ndarray:
         """(m, c) bool: which numbers are to be believed."""

@@ -143,6 +143,13 @@ class Equilibrium:
         vars(new).update(fields)
         return new
 
+    def __repr__(self) -> str:
+        force = ", ".join(f"{value:.4g}" for value in self.end_wrench[:3])
+        return (
+            f"Equilibrium({self.status.name}, end force [{force}] N, {len(self.points)} points, "
+            f"error estimate {self.error_estimate:.1e})"
+        )
+
     @property
     def overlapping(self) -> bool:
         """Whether it meets itself or another cable; see `overlaps`."""

@@ -69,6 +69,10 @@ class Tracker:
         self._joints: np.ndarray | None = None
         self._auto = self.scene.effects == "auto"
 
+    def __repr__(self) -> str:
+        cables, joints = ", ".join(f.name for f in self._followers), ", ".join(self.joint_names) or "none"
+        return f"Tracker(cables: {cables}; joints: {joints}; tolerance {self._tolerance:g})"
+
     @staticmethod
     def _check(tolerance: float, polyline_points: int) -> None:
         if not 1e-12 <= tolerance <= 0.1:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = """example:
   cable solve config/space_arm.yaml --joint orientation=30deg
+  cable solve config/space_arm.yaml --pose pose.yaml
   cable solve config/space_arm.yaml --joint orientation=0.5 --json | jq .camera_cable.end_wrench
 
 exit code: 0 when every cable's equilibrium can be trusted, else 1"""
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from cable_ros.tracker import Tracker
 
     tracker = Tracker(load_scene(args.scene), tolerance=args.tolerance)
-    joints = joint_values(args.joint, tracker.joint_names)
+    joints = joint_values(args, tracker.joint_names)
     equilibria = tracker.arrive(joints)
     load = dict(zip(tracker.joint_names, joint_torque(tracker, equilibria, joints).tolist(), strict=True))
     if args.json:
