@@ -153,11 +153,16 @@ def joint_values(args: argparse.Namespace, needed: Iterable[str]) -> dict[str, f
     check_names([name for name, _ in args.joint], needed)
     filed = read_pose(args.pose) if args.pose is not None else {}
     values = {name: value for name, value in filed.items() if name in needed} | dict(args.joint)
-    missing = [name for name in needed if name not in values]
+    return dict.fromkeys(not_named(args.command, values, needed), 0.0) | values
+
+
+def not_named(command: str, given: Iterable[str], needed: Iterable[str]) -> list[str]:
+    """The needed joints that are not among the given ones; a line on stderr says that they are 0."""
+    missing = [name for name in needed if name not in given]
     if missing:
         what = "joint" if len(missing) == 1 else "joints"
-        print(f"cable {args.command}: 0 for the {what} {', '.join(missing)}, not named", file=sys.stderr)
-    return {name: values.get(name, 0.0) for name in needed}
+        print(f"cable {command}: 0 for the {what} {', '.join(missing)}, not named", file=sys.stderr)
+    return missing
 
 
 def read_pose(path: Path) -> dict[str, float]:

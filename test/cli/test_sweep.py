@@ -71,6 +71,16 @@ def test_joint_load_is_in_tables_and_logs(tmp_path):
         assert theirs.effort[0] == pytest.approx(ours, rel=1e-6)  # the log's polylines ask for finer meshes
 
 
+def test_a_joint_that_is_not_named_is_0_and_told(tmp_path, capsys):
+    out = tmp_path / "arm.csv"
+    assert main(["sweep", ARM, "--out", str(out)]) == 0
+    assert "cable sweep: 0 for the joint orientation, not named\n" in capsys.readouterr().err
+    (row,) = _rows(out)
+    assert float(row["orientation"]) == 0.0
+    assert main(["sweep", ARM, "--joint", "elbow=1", "--out", str(tmp_path / "other.csv")]) == 2
+    assert "'elbow' moves no cable" in capsys.readouterr().err
+
+
 def test_varied_fields_are_columns_and_multiply(tmp_path, fixed):
     out = tmp_path / "strip.csv"
     varied = ["--vary", "length=0.4,0.45", "--vary", "strip.linear_density=0.05:0.15:0.05"]
