@@ -22,6 +22,15 @@ _HOMES = {
 
 def __getattr__(name: str) -> Any:
     """Import at first use: `cable -h` and the log's commands need no compiler and no solver."""
+    if name == "__version__":
+        return import_module("importlib.metadata").version(__name__)
     if name not in _HOMES:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    """What is public, imported or not."""
+    return sorted(
+        {*globals(), *__all__, "__version__"} - {"Any", "TYPE_CHECKING", "annotations", "import_module"}
+    )

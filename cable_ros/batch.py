@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_ros.joint import joint_torques
 from cable_ros.scene import Scene
 from cable_ros.tracker import Tracker
 
@@ -39,6 +40,9 @@ class Batch:
     joint_names: tuple[str, ...]
     joints: np.ndarray
     """(m, n_joints) rad or m."""
+    joint_load: np.ndarray
+    """(m, n_joints) torque of all cables together on each joint, N m, or N on a prismatic one; NaN where one
+    of them is not trusted."""
     status: np.ndarray
     """(m, c) of `Status`."""
     converged: np.ndarray
@@ -71,6 +75,10 @@ class Batch:
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    def __repr__(self) -> str:
+        cables, trusted = ", ".join(self.cables), int(self.trusted.all(axis=1).sum())
+        return f"Batch({len(self)} poses of {cables}; {trusted} can be trusted)"
 
     @property
     def trusted(self) -> np.ndarray:
@@ -192,12 +200,12 @@ def concatenate(batches: Sequence[Batch]) -> Batch:
     first = batches[0]
     if len(batches) == 1:
         return first
-    names = ["joints", *_PER_CABLE, *(["stiffness"] if first.stiffness is not None else [])]
+    names = ["joints", "joint_load", *_PER_CABLE, *(["stiffness"] if first.stiffness is not None else [])]
     arrays = {name: np.concatenate([getattr(batch, name) for batch in batches]) for name in names}
     return Batch(first.cables, first.joint_names, **arrays)
 
 
-_PER_CABLE = tuple(field.name for field in fields(Batch))[3:-1]
+_PER_CABLE = tuple(field.name for field in fields(Batch))[4:-1]
 _numbers = itertools.count()
 
 
@@ -253,7 +261,7 @@ def _solve_row(job: _Job, tracker: Tracker, poses: np.ndarray) -> Batch:
         name: np.array([[getattr(row[cable], name) for cable in cables] for row in rows])
         for name in (*_PER_CABLE, *(["stiffness"] if job.stiffness else []))
     }
-    batch = Batch(cables, names, poses, **arrays)
+    batch = Batch(cables, names, poses, joint_torques(tracker, rows, poses), **arrays)
     refused = ~batch.trusted
     for values in arrays.values():
         if values.dtype == float:

@@ -152,7 +152,7 @@ class Equilibrium:
     """Estimated relative error of the end wrench."""
     iterations: int
     solve_time: float
-    """Wall time of this solve, s."""
+    """Wall time of this solve, s, without that of compiling or loading code."""
     overlaps: tuple[Overlap, ...] = ()
     """Where its surface meets another cable's, or its own, which no equation forbids: where there is any, the
     equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
@@ -165,6 +165,13 @@ class Equilibrium:
         new = object.__new__(cls)
         vars(new).update(fields)
         return new
+
+    def __repr__(self) -> str:
+        force = ", ".join(f"{value:.4g}" for value in self.end_wrench[:3])
+        return (
+            f"Equilibrium({self.status.name}, end force [{force}] N, {len(self.points)} points, "
+            f"error estimate {self.error_estimate:.1e})"
+        )
 
     @property
     def overlapping(self) -> bool:

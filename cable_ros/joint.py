@@ -7,7 +7,7 @@ Without friction it is minus the derivative of the cables' energy by the joint v
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -86,6 +86,31 @@ def joint_torque(
             if name in one.obstacle_wrenches:
                 torque += jacobian.T @ one.obstacle_wrenches[name]
     return torque
+
+
+def joint_torques(
+    tracker: Tracker, rows: Sequence[Mapping[str, Equilibrium]], poses: np.ndarray
+) -> np.ndarray:
+    """(m, n) `joint_torque` at each of the poses (m, n), in the order of `joint_names`, in less time.
+
+    Args:
+        rows: what `tracker.solve` returned at each pose.
+    """
+    names, kinematics = tracker.joint_names, tracker.kinematics
+    if not names:
+        return np.empty(poses.shape)
+    if any(obstacle.link is not None for obstacle in tracker.scene.obstacles):
+        pairs = zip(rows, poses.tolist(), strict=True)
+        return np.array([joint_torque(tracker, row, dict(zip(names, q, strict=True))) for row, q in pairs])
+    cables = [cable.name for cable in tracker.scene.cables]
+    wrenches = np.array([[(row[c].start_wrench, row[c].end_wrench) for c in cables] for row in rows])
+    orientations = np.array([kinematics.poses(q)[..., 3:] for q in poses]).reshape(-1, 4)
+    to_world = matrices_from_ros(orientations).reshape(*wrenches.shape[:3], 3, 3)
+    velocities = np.array([kinematics.jacobians(q) for q in poses])
+    in_world = np.einsum("...ij,...kj->...ki", to_world, wrenches.reshape(*wrenches.shape[:3], 2, 3))
+    torques: np.ndarray = np.einsum("mcsin,mcsi->mn", velocities, in_world.reshape(wrenches.shape))
+    torques[[not _trusted(row) for row in rows]] = np.nan
+    return torques
 
 
 def joint_stiffness(

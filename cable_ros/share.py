@@ -49,6 +49,24 @@ def share_file(*parts: str) -> Path:
     return path
 
 
+def package_file(uri: str) -> Path:
+    """Path of `package://PACKAGE/FILE`, as URDFs and launch files have it, by the ament index.
+
+    Raises:
+        FileNotFoundError: no such package; the sentence says what to do.
+    """
+    package, _, file = uri.removeprefix("package://").partition("/")
+    if package == PACKAGE:
+        return share_directory() / file
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if prefix and Path(prefix, "share", "ament_index", "resource_index", "packages", package).is_file():
+            return Path(prefix, "share", package, file)
+    raise FileNotFoundError(
+        f"there is no package '{package}' in the ament index; source the workspace that has it "
+        "(. install/setup.bash), or give the path of the file"
+    )
+
+
 def scene_path(name: str) -> Path:
     """Path of a scene; a bare name that is not in the working directory is sought among the installed ones.
 

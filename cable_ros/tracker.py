@@ -13,11 +13,14 @@ import numpy as np
 
 from cable_ros.branch import effect_selection
 from cable_ros.branch.cable_tracker import Follower
+from cable_ros.common.compile_watch import GETTING, listen
 from cable_ros.contact.overlaps import OUTLINE, Pairs
 from cable_ros.effects.registry import environments, properties
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import Kinematics, Scene, load_scene
 from cable_ros.scene.joint_limits import IGNORE, MODES, REFUSE, WARN, JointLimits
+
+listen()
 
 ABSURD = 1e4
 """Joint values beyond this many rad or m are taken for a fault of the sender, not for a pose."""
@@ -64,6 +67,10 @@ class Tracker:
         self._pairs = Pairs(self.scene.cables)
         self._joints: np.ndarray | None = None
         self._auto = self.scene.effects == "auto"
+
+    def __repr__(self) -> str:
+        cables, joints = ", ".join(f.name for f in self._followers), ", ".join(self.joint_names) or "none"
+        return f"Tracker(cables: {cables}; joints: {joints}; tolerance {self._tolerance:g})"
 
     @staticmethod
     def _check(tolerance: float, polyline_points: int) -> None:
@@ -172,7 +179,7 @@ class Tracker:
         Never raises for values: what cannot be used comes back as `Status.INVALID_INPUT`, and the next usable
         pose is followed from the last one.
         """
-        begin = time.perf_counter()
+        begin, code = time.perf_counter(), GETTING.seconds
         self.outside = ""
         try:
             numbers = [float(joints[name]) for name in self.joint_names]
@@ -193,6 +200,9 @@ class Tracker:
             found = follower.solve(self.kinematics, i, values, poses[i], begin)
             if self._auto and found.converged and self._review(i, found):
                 found = follower.solve(self.kinematics, i, values, poses[i], begin)
+            if GETTING.seconds != code:  # compiled, or loaded: once in a process
+                spent, code = GETTING.seconds - code, GETTING.seconds
+                found = dataclasses.replace(found, solve_time=max(found.solve_time - spent, 0.0))
             out[follower.name] = found
             begin = time.perf_counter()
         self._joints = values

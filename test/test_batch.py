@@ -12,6 +12,7 @@ from zoo_make import led
 from cable_ros import Status, Tracker, load_scene
 from cable_ros.batch import CHUNK, Batch, solve_many, solve_paths
 from cable_ros.bench.cases import case_scene
+from cable_ros.joint import joint_torque, joint_torques
 from cable_ros.share import share_file
 
 
@@ -21,7 +22,7 @@ def arm():
 
 
 def _equal(a: Batch, b: Batch) -> bool:
-    names = [field.name for field in dataclasses.fields(Batch)][3:-1]
+    names = [field.name for field in dataclasses.fields(Batch)][4:-1]
     return all(
         np.array_equal(getattr(a, name), getattr(b, name), equal_nan=getattr(a, name).dtype == float)
         for name in names
@@ -41,6 +42,24 @@ def test_it_is_what_a_tracker_finds(arm):
         scale = np.linalg.norm(found.end_wrench[:3])
         assert batch.end_wrench[index, 0, :3] == pytest.approx(found.end_wrench[:3], abs=2e-4 * scale)
         assert batch.total_twist[index, 0] == pytest.approx(found.total_twist, abs=1e-2)
+
+
+def test_joint_load_is_that_of_each_pose(arm):
+    two = dataclasses.replace(arm, cables=(arm.cables[0], dataclasses.replace(arm.cables[0], name="other")))
+    poses = np.radians(np.arange(0.0, 10.0, 2.0))
+    batch = solve_many(two, poses)
+    tracker = Tracker(two, polyline_points=2)
+    for pose, load in zip(poses, batch.joint_load, strict=True):
+        joints = {"orientation": float(pose)}
+        # Another way to the same pose: twice the tolerance, of force and moment together.
+        assert load == pytest.approx(joint_torque(tracker, tracker.solve(joints), joints), rel=1e-3)
+    row = tracker.solve({"orientation": 0.1})
+    (one,) = joint_torques(tracker, [row], np.array([[0.1]]))
+    assert one == pytest.approx(joint_torque(tracker, row, {"orientation": 0.1}), rel=1e-12)
+    lost = {"other": dataclasses.replace(row["other"], status=Status.NOT_CONVERGED)}
+    both = joint_torques(tracker, [row | lost, row], np.full((2, 1), 0.1))
+    assert np.isnan(both[0]).all()
+    assert both[1] == one
 
 
 def test_the_number_of_processes_changes_no_bit(arm):

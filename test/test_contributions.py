@@ -176,7 +176,6 @@ def test_command_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "sentence"),
     [
-        ([], 2, "--joint orientation=VALUE"),
         (["--joint", "elbow=1"], 2, "'elbow'"),
         (["--joint", "orientation=0", "--tolerance", "2"], 2, "not between"),
     ],

@@ -20,7 +20,7 @@ ORDER = (
     ("contact",),
     ("effects",),
     ("branch",),
-    ("tracker", "joint", "batch", "contributions"),
+    ("tracker", "joint", "batch", "contributions", "warm_up"),
     ("drawing",),
     ("baselines",),
     ("log",),

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import textwrap
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from cable_ros.share import scene_path
 
+MOST_JOINT = 1e4  # rad or m; beyond, a tracker takes it for a fault
 MOST_VALUES = 10_000_000  # of one range; more is a mistyped step
 
 
@@ -50,7 +53,14 @@ def add_pose(parser: argparse.ArgumentParser) -> None:
         type=named_quantity,
         action="append",
         default=[],
-        help="joint value, rad or m; 30deg for degrees; once for each joint",
+        help="joint value, rad or m; 30deg for degrees; once for each joint, 0 for those not named",
+    )
+    parser.add_argument(
+        "--pose",
+        metavar="FILE",
+        type=Path,
+        help="joint values as YAML, 'NAME: VALUE' or lists 'name' and 'position' as in a joint state "
+        "(ros2 topic echo --once /joint_states); --joint goes before",
     )
 
 
@@ -133,29 +143,76 @@ def count(text: str) -> int:
     return int(text)
 
 
-def joint_values(pairs: Sequence[tuple[str, float]], needed: Iterable[str]) -> dict[str, float]:
-    """The values by name, one for each needed joint and for no other.
+def joint_values(args: argparse.Namespace, needed: Iterable[str]) -> dict[str, float]:
+    """The values of --joint and --pose by name, one for each needed joint; those not named are 0, and told.
 
     Raises:
-        CommandError: a joint is missing, given twice, or moves no cable (a misspelt name).
+        CommandError: a joint is given twice or moves no cable (a misspelt name), or the file holds no pose.
     """
-    check_joints([name for name, _ in pairs], needed)
-    return dict(pairs)
+    needed = list(needed)
+    check_names([name for name, _ in args.joint], needed)
+    filed = read_pose(args.pose) if args.pose is not None else {}
+    values = {name: value for name, value in filed.items() if name in needed} | dict(args.joint)
+    return dict.fromkeys(not_named(args.command, values, needed), 0.0) | values
+
+
+def not_named(command: str, given: Iterable[str], needed: Iterable[str]) -> list[str]:
+    """The needed joints that are not among the given ones; a line on stderr says that they are 0."""
+    missing = [name for name in needed if name not in given]
+    if missing:
+        what = "joint" if len(missing) == 1 else "joints"
+        print(f"cable {command}: 0 for the {what} {', '.join(missing)}, not named", file=sys.stderr)
+    return missing
+
+
+def read_pose(path: Path) -> dict[str, float]:
+    """Joint values by name from a YAML file: a mapping of names to numbers, or a joint state.
+
+    Raises:
+        CommandError: it is neither.
+        OSError, SceneError: it cannot be read, or is no YAML.
+    """
+    from cable_ros.scene.text import parse_yaml, read_text
+
+    place = f"--pose {path}"
+    # `ros2 topic echo` ends each message with a line of dashes.
+    text = read_text(path, place, "joint values in YAML").split("\n---")[0]
+    found = parse_yaml(text, place)
+    if not isinstance(found, dict):
+        raise CommandError(f"{place}: must be lines 'NAME: VALUE', rad or m, or a joint state")
+    names, positions = found.get("name"), found.get("position")
+    if isinstance(names, list) and isinstance(positions, list):
+        if len(names) != len(positions):
+            raise CommandError(f"{place}: {len(names)} names and {len(positions)} positions")
+        found = dict(zip(map(str, names), positions, strict=True))
+    for name, value in found.items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not abs(value) <= MOST_JOINT:
+            raise CommandError(
+                f"{place}: {name}: must be a number in rad or m within {MOST_JOINT:g}, such as 0.5; "
+                "give 'NAME: VALUE' or lists 'name' and 'position'"
+            )
+    return {name: float(value) for name, value in found.items()}
 
 
 def check_joints(given: Sequence[str], needed: Iterable[str]) -> None:
     """Raise CommandError unless each needed joint, and no other, is given once."""
     needed = list(needed)
+    check_names(given, needed)
+    missing = [name for name in needed if name not in given]
+    if missing:
+        options = " ".join(f"--joint {name}=VALUE" for name in missing)
+        raise CommandError(f"the cables depend on joints without a value; add {options}")
+
+
+def check_names(given: Sequence[str], needed: Sequence[str]) -> None:
+    """Raise CommandError if a joint is none of the needed ones, or given more than once."""
     which = f"those that do: {', '.join(needed)}" if needed else "none does in this scene"
     for name in given:
         if name not in needed:
             raise CommandError(f"the joint '{name}' moves no cable; {which}")
         if given.count(name) > 1:
             raise CommandError(f"the joint '{name}' is given more than once")
-    missing = [name for name in needed if name not in given]
-    if missing:
-        options = " ".join(f"--joint {name}=VALUE" for name in missing)
-        raise CommandError(f"the cables depend on joints without a value; add {options}")
 
 
 def _split(text: str, form: str) -> tuple[str, str]:

@@ -77,6 +77,8 @@ def columns(variant: Mapping[str, float], batch: Batch) -> dict[str, np.ndarray]
     for end in ("end", "start"):
         wrench = getattr(batch, f"{end}_wrench").reshape(rows, 6)
         out |= {f"{end}_{name}": wrench[:, i] for i, name in enumerate(COMPONENTS)}
+    loads = zip(batch.joint_names, batch.joint_load.T, strict=True)
+    out |= {f"load_{name}": np.repeat(load, cables) for name, load in loads}
     for name in ("total_twist", "energy", "stability_margin", "error_estimate", "iterations", "overlapping"):
         out[name] = getattr(batch, name).ravel()
     return out

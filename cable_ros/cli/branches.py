@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out.suffix not in PICTURES:
         raise CommandError(f"--out {args.out}: the name must end in .png, .pdf or .svg")
     scene = load_scene(args.scene)
-    joints = joint_values(args.joint, Kinematics(scene).joint_names)
+    joints = joint_values(args, Kinematics(scene).joint_names)
     found = branches(scene, joints)
     if args.json:
         print(json.dumps({name: [as_json(one) for one in ones] for name, ones in found.items()}, indent=2))

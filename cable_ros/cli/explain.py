@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     from cable_ros.scene import Kinematics, load_scene
 
     scene = load_scene(args.scene)
-    joints = joint_values(args.joint, Kinematics(scene).joint_names)
+    joints = joint_values(args, Kinematics(scene).joint_names)
     explained = explain(scene, joints, args.tolerance)
     if args.json:
         out = {name: as_json(one) for name, one in explained.items()}

@@ -12,6 +12,7 @@ from importlib import metadata
 from typing import Any, NoReturn
 
 import cable_ros.cli
+from cable_ros.common import compile_watch
 from cable_ros.common.printable import one_line
 from cable_ros.common.requirements import missing
 
@@ -74,6 +75,7 @@ def _run(arguments: list[str]) -> int:
     if args.command is None:
         parser.print_help()
         return 0
+    compile_watch.COMPILING.tell = _tell_of_compiling
     try:
         return int(modules[args.command].run(args))
     except BrokenPipeError:
@@ -118,6 +120,11 @@ def _is_for_the_user(error: Exception) -> bool:
     if isinstance(error, ImportError):
         return not (error.name or "").startswith("cable_ros")
     return isinstance(error, OSError) or type(error).__module__.startswith("cable_ros.")
+
+
+def _tell_of_compiling() -> None:
+    sentence = "compiling the solver: once after an installation or an update, up to some minutes"
+    print(f"cable: {sentence}", file=sys.stderr, flush=True)
 
 
 def _sentence(error: Exception) -> str:

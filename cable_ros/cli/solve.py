@@ -7,7 +7,7 @@ import enum
 import json
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cable_ros.cli._arguments import add_command, add_pose, add_tolerance, joint_values
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = """example:
   cable solve config/space_arm.yaml --joint orientation=30deg
+  cable solve config/space_arm.yaml --pose pose.yaml
   cable solve config/space_arm.yaml --joint orientation=0.5 --json | jq .camera_cable.end_wrench
 
 exit code: 0 when every cable's equilibrium can be trusted, else 1"""
@@ -34,19 +35,29 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     add_pose(parser)
     add_tolerance(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON with the field names of Equilibrium")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print JSON: by cable, with the field names of Equilibrium, and joint_load",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
+    from cable_ros.joint import joint_torque
     from cable_ros.scene import load_scene
     from cable_ros.tracker import Tracker
 
     tracker = Tracker(load_scene(args.scene), tolerance=args.tolerance)
-    equilibria = tracker.arrive(joint_values(args.joint, tracker.joint_names))
+    joints = joint_values(args, tracker.joint_names)
+    equilibria = tracker.arrive(joints)
+    load = dict(zip(tracker.joint_names, joint_torque(tracker, equilibria, joints).tolist(), strict=True))
     if args.json:
-        print(json.dumps({name: as_json(found) for name, found in equilibria.items()}, indent=2))
+        found_all: dict[str, Any] = {name: as_json(found) for name, found in equilibria.items()}
+        print(json.dumps(found_all | {"joint_load": _plain(load)}, indent=2))
     else:
         trusted = [describe(name, found) for name, found in equilibria.items() if found.status.trusted]
+        if load and len(trusted) == len(equilibria):
+            trusted.append(_load_lines(load, [limit.unit for limit in tracker.limits.joints]))
         print("\n\n".join(trusted), end="\n" if trusted else "")
     refused = {name: found for name, found in equilibria.items() if not found.status.trusted}
     for name, found in refused.items():
@@ -75,6 +86,14 @@ def describe(name: str, found: Equilibrium) -> str:
             *_contact_lines(found.contacts),
         ]
     )
+
+
+def _load_lines(load: Mapping[str, float], units: Sequence[str]) -> str:
+    """Torque or force on each joint, whose values are in these units."""
+    lines = ["joint load, what all cables together exert on each joint, positive along its axis", ""]
+    for (name, value), unit in zip(load.items(), units, strict=True):
+        lines.append(f"  {name:<17} {engineering(value, 'N' if unit == 'm' else 'N m')}")
+    return "\n".join(lines)
 
 
 def engineering(value: float, unit: str) -> str:

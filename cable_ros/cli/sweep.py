@@ -21,7 +21,9 @@ from cable_ros.cli._arguments import (
     add_scene,
     add_tolerance,
     check_joints,
+    check_names,
     named_range,
+    not_named,
     process_count,
 )
 
@@ -54,7 +56,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument(
         "--joint",
         metavar="NAME=START:STOP:STEP",
-        help="joint range, both ends included; or NAME=A,B,C",
+        help="joint range, both ends included; or NAME=A,B,C; 0 for joints not named",
         **ranges,
     )
     parser.add_argument("--vary", metavar="FIELD=START:STOP:STEP", help="range of a scene field", **ranges)
@@ -84,7 +86,10 @@ def run(args: argparse.Namespace) -> int:
         for values in itertools.product(*(values.tolist() for _, values in args.vary))
     ]
     scenes = [vary(scene, variant) for variant in variants]  # every mistake is told before the first solve
-    paths = grid(args.joint, Kinematics(scene).joint_names)
+    needed = Kinematics(scene).joint_names
+    check_names([name for name, _ in args.joint], needed)
+    resting = not_named(args.command, [name for name, _ in args.joint], needed)
+    paths = grid([*((name, np.zeros(1)) for name in resting), *args.joint], needed)
     count = len(scenes) * sum(map(len, paths))
     workers = args.jobs or min(cores(), math.ceil(count / POSES_PER_PROCESS))
     point_count = 101 if args.out.suffix == ".mcap" else 2

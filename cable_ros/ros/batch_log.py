@@ -35,6 +35,10 @@ class BatchLog:
             for j, cable in enumerate(batch.cables):
                 if trusted[i, j]:
                     self._log.wrenches(cable, batch.end_wrench[i, j], batch.start_wrench[i, j], *times)
+            if batch.joint_names and trusted[i].all():
+                self._log.joint_load(batch.joint_names, batch.joints[i], batch.joint_load[i], *times)
+            for j, cable in enumerate(batch.cables):
+                if trusted[i, j]:
                     self._log.polyline(cable, batch.points[i, j], batch.orientations[i, j], *times)
 
     def __enter__(self) -> BatchLog:

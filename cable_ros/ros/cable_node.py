@@ -10,6 +10,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.logging import get_logging_directory
@@ -36,6 +37,7 @@ from cable_ros.ros.live_scene import LiveScene
 from cable_ros.ros.messages import diagnostics
 from cable_ros.ros.outbox import Outbox
 from cable_ros.ros.parameters import ParameterError
+from cable_ros.ros.preparation import Preparation, leave
 from cable_ros.ros.recorder import Outlet, log_path, type_name
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.load import load_scene
@@ -68,6 +70,9 @@ class CableNode(Node):
         self._urdf: str | None = None
         self._robot: Subscription | None = None
         self._waiting = ""
+        self._preparation: Preparation | None = None
+        self._log_is_due = False
+        self._inlet: Inlet | None = None
         self._next = {"polylines": 0.0, "markers": 0.0}
         self._reported: tuple[Any, ...] = ()
         self._report_time = 0.0
@@ -88,11 +93,11 @@ class CableNode(Node):
         self._tf_static = tf_static_outlet(self)
         self._load()
 
-        self._inlet = Inlet(self, topic, _JOINT_STATES, self._on_joint_states)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/start_log", self._on_start_log)
         self.create_service(Trigger, "~/stop_log", self._on_stop_log)
-        self.create_service(Trigger, "~/reload_scene", self._on_reload_scene)
+        alone = MutuallyExclusiveCallbackGroup()  # it takes its time; others are called meanwhile
+        self.create_service(Trigger, "~/reload_scene", self._on_reload_scene, callback_group=alone)
         # Steady time: reports go on while simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1 / self._value("diagnostics_rate"), self._on_timer, clock=steady)
@@ -112,7 +117,7 @@ class CableNode(Node):
     # -- the scene ---------------------------------------------------------------------------------------
 
     def _load(self) -> bool:
-        """Load the scene and track it; False where it has links but no robot: the robot is waited for."""
+        """Load the scene and get its code, for `_track`; False where it waits for its robot."""
         path = self._scene_path
         try:
             scene = load_scene(path, urdf=self._urdf)
@@ -121,8 +126,19 @@ class CableNode(Node):
                 raise
             self._wait_for_robot()
             return False
-        self.get_logger().info("Compiling the solver; joint states are taken after that.")
         tracker = Tracker(scene, self._value("tolerance"), self._value("polyline_points"))
+        self._waiting = "Compiling the solver; joint states are taken after that."
+        self.get_logger().info(self._waiting)
+        self._health.refused = False
+        self._preparation = Preparation(self, tracker, self._track)
+        return True
+
+    def _track(self, tracker: Tracker, seconds: float) -> None:
+        """Go on with this tracker, whose code is there."""
+        self._preparation = None
+        path, scene = self._scene_path, tracker.scene
+        tracker.tolerance = self._value("tolerance")
+        tracker.polyline_points = self._value("polyline_points")
         old, self._live = self._live, None
         if old is not None:
             old.destroy(self)
@@ -132,7 +148,6 @@ class CableNode(Node):
         )
         if old is not None:
             live.states.carry_on(old.states)
-        seconds = live.warm_up()
         live.joint_limits = self._value("joint_limits")
         # What was made so far lives as long as the scene: the collector need not look at it again.
         gc.unfreeze()
@@ -149,9 +164,12 @@ class CableNode(Node):
         self._out.latch(self._scene_text, serialise(String(data=scene.text)))
         self._out.latch(self._tf_static, tf_static([t for c in live.cables.values() for t in c.transforms()]))
         self._out.flush()
-        if logging:
+        if logging or self._log_is_due:
+            self._log_is_due = False
             self._start_log()
-        return True
+        if self._inlet is None:
+            topic = self._value("joint_states_topic")
+            self._inlet = Inlet(self, topic, _JOINT_STATES, self._on_joint_states)
 
     def _wait_for_robot(self) -> None:
         topic = self.resolve_topic_name(self._value("robot_description_topic"))
@@ -161,7 +179,7 @@ class CableNode(Node):
             self._robot = self.create_subscription(String, topic, self._on_robot_description, _LATCHED_INPUT)
 
     def _on_robot_description(self, message: String) -> None:
-        if self._live is not None:
+        if self._live is not None or self._preparation is not None:
             self._urdf = message.data
             self.get_logger().warning("A new robot description came; call ~/reload_scene to use it.")
             return
@@ -170,6 +188,7 @@ class CableNode(Node):
             self._load()
         except SceneError as error:
             self._waiting = str(error)
+            self._health.refused = True
             self.get_logger().error(self._waiting)
 
     # -- joint states in, messages out -------------------------------------------------------------------
@@ -315,8 +334,10 @@ class CableNode(Node):
                 self._out.event(events.SET, **{parameter.name: parameter.value})
             elif parameter.name == "log.enabled":
                 if not parameter.value:
+                    self._log_is_due = False
                     self._out.stop_log()
                 elif not self._out.recorder.on:
+                    self._log_is_due = False
                     self._start_log()
 
     def _on_reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
@@ -345,17 +366,24 @@ class CableNode(Node):
             answer.message = writer.error or f"{writer.path} is complete."
         return answer
 
-    def _on_reload_scene(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+    async def _on_reload_scene(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        if self._preparation is not None:
+            answer.success, answer.message = False, "The scene is being loaded already; wait for 'Ready'."
+            return answer
         try:
             answer.success = self._load()
+            if self._preparation is not None:
+                await self._preparation.finished
             answer.message = f"{self._scene_path} is loaded." if answer.success else self._waiting
         except SceneError as error:
             answer.success, answer.message = False, f"{error}; the old scene stays."
         return answer
 
     def open(self) -> None:
-        """Begin the log, where one is asked for."""
-        if self._value("log.enabled"):
+        """Begin the log, where one is asked for; a scene that is being compiled begins it."""
+        if self._preparation is not None:
+            self._log_is_due = bool(self._value("log.enabled"))
+        elif self._value("log.enabled"):
             self._start_log()
 
     def close(self) -> None:
@@ -379,7 +407,7 @@ def main(args: Sequence[str] | None = None) -> int:
     except (ParameterError, SceneError) as error:
         print(f"cable_node: {error}", file=sys.stderr)
         return 2
-    return 0
+    return leave(0)
 
 
 if __name__ == "__main__":

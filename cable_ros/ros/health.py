@@ -26,6 +26,8 @@ class Health:
         self.name = node.removeprefix("/")
         self.hardware_id = node
         self._scene = scene
+        self.refused = False
+        """Whether the robot that was waited for came, and cannot be used."""
         self._fault = ""
         self._last_message = time.monotonic()
 
@@ -41,13 +43,14 @@ class Health:
         """The entry of the joint states; what was noted is told and then forgotten.
 
         Args:
-            states: None while the scene waits for its robot.
-            waiting: what it waits for.
+            states: None while the scene waits for its robot or the compiler.
+            waiting: what it waits for, or why the robot cannot be used.
             publishers: how many there are on the topic.
         """
         name = f"{self.name}: joint states"
         if states is None:
-            return diagnostic(name, DiagnosticStatus.WARN, waiting, {}, self.hardware_id)
+            level = DiagnosticStatus.ERROR if self.refused else DiagnosticStatus.WARN
+            return diagnostic(name, level, waiting, {}, self.hardware_id)
         silence = time.monotonic() - self._last_message
         fault, self._fault = self._fault, ""
         level, message = DiagnosticStatus.OK, f"Joint states arrive on '{states.topic}'."

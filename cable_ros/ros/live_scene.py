@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import math
-import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -22,26 +19,14 @@ from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, Solv
 from cable_ros.ros.obstacle_markers import ObstacleMarkers
 from cable_ros.ros.recorder import Outlet
 from cable_ros.ros.status_message import StatusMessage
-from cable_ros.scene.errors import SceneError
 from cable_ros.scene.joint_limits import IGNORE
 from cable_ros.scene.model import Scene
-from cable_ros.share import share_file
 from cable_ros.tracker import Tracker
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
 Send = Callable[[Outlet, bytes], None]
-
-
-def _rehearse_contact() -> None:
-    """Compile what a first contact will need, on a scene of our own: the robot shall not wait for it."""
-    # Without its files or Pinocchio it is compiled at the first contact.
-    with contextlib.suppress(FileNotFoundError, SceneError):
-        tracker = Tracker(str(share_file("config", "space_arm_sphere.yaml")))
-        for degrees in (30.0, 44.0, 45.0, 75.0, 30.0):
-            joints = {"orientation": math.radians(degrees)}
-            joint_load(tracker, tracker.solve(joints), joints)
 
 
 class LiveScene:
@@ -87,6 +72,7 @@ class LiveScene:
         """Whether the tracker has solved nothing since it was made or reset."""
         self.statuses: tuple[tuple[Status, bool], ...] = ()
         """Of each cable: its status, and whether it overlaps another or itself."""
+        self._prepare_markers()
 
     @property
     def joint_limits(self) -> str:
@@ -97,20 +83,6 @@ class LiveScene:
     def joint_limits(self, value: str) -> None:
         self.tracker.joint_limits = value
         self.states.motion = None if value == IGNORE else JointMotion(self.tracker.limits.joints)
-
-    def warm_up(self) -> float:
-        """Compile and load everything that a joint state will need; returns the seconds that it took."""
-        start = time.perf_counter()
-        for value in (0.0, 0.01):
-            joints = dict.fromkeys(self.tracker.joint_names, value)
-            equilibria = self.tracker.solve(joints)
-            if self._load and all(e.status.trusted for e in equilibria.values()):
-                joint_load(self.tracker, equilibria, joints)
-        self.reset()
-        self._prepare_markers()
-        if self.scene.obstacles:
-            _rehearse_contact()
-        return time.perf_counter() - start
 
     def solve(self) -> None:
         """Solve at the last known joint positions."""

@@ -16,7 +16,7 @@ from cable_ros.log.reader import SCENE, URDF
 from cable_ros.log.run import CLAMPS, PATH, WRENCH
 from cable_ros.log.writer import LogWriter
 from cable_ros.ros.frame_names import root_frame
-from cable_ros.ros.messages import PathMessage, WrenchMessage
+from cable_ros.ros.messages import JointLoadMessage, PathMessage, WrenchMessage
 from cable_ros.scene import Scene
 
 NODE = "/cable_node"
@@ -56,6 +56,7 @@ class SolveLog:
             for clamp in CLAMPS
         }
         self._path: PathMessage | None = None
+        self._load: JointLoadMessage | None = None
 
     def joint_state(self, names: Sequence[str], positions: Any, stamp: int, log_time: int) -> None:
         """One pose; times in ns. What answers it comes next and has the same times."""
@@ -67,6 +68,15 @@ class SolveLog:
         for clamp, wrench in (("end", end), ("start", start)):
             message = self._wrenches[cable, clamp].fill(stamp, wrench)
             self._writer.put(f"{NODE}/{cable}/{clamp}_wrench", WRENCH, message, log_time)
+
+    def joint_load(
+        self, names: Sequence[str], positions: Any, torques: np.ndarray, stamp: int, log_time: int
+    ) -> None:
+        """Torques (n,) of all cables on the joints, at their positions (n,)."""
+        if self._load is None:
+            self._load = JointLoadMessage(names)
+        message = self._load.fill(stamp, np.asarray(positions), torques)
+        self._writer.put(f"{NODE}/joint_load", JOINT_STATE, message, log_time)
 
     def polyline(
         self, cable: str, points: np.ndarray, orientations: np.ndarray, stamp: int, log_time: int

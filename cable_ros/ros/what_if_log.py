@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from cable_ros.equilibrium import Equilibrium
+from cable_ros.joint import joint_torque
 from cable_ros.log.reader import PARAMETERS, LogReader
 from cable_ros.log.run import Solve
 from cable_ros.ros.solve_log import SolveLog
 from cable_ros.scene import Scene
+from cable_ros.tracker import Tracker
 
 
 class WhatIfLog:
@@ -28,6 +30,7 @@ class WhatIfLog:
     def __init__(self, path: Path, scene: Scene, source: LogReader) -> None:
         texts = {name: text for name, text in source.attachments.items() if name == PARAMETERS}
         origin = {"source": str(source.path), "scene": str(scene.path or "")}
+        self._tracker = Tracker(scene)  # for its kinematics alone
         self._log = SolveLog(path, scene, texts, {"what_if": origin})
 
     def write(self, solve: Solve, equilibria: Mapping[str, Equilibrium]) -> None:
@@ -37,7 +40,13 @@ class WhatIfLog:
         for name, found in equilibria.items():
             if found.status.trusted:
                 self._log.wrenches(name, found.end_wrench, found.start_wrench, *times)
-                if solve.polylines:
+        names = self._tracker.joint_names
+        if names and all(found.status.trusted for found in equilibria.values()):
+            torques = joint_torque(self._tracker, equilibria, solve.joints)
+            self._log.joint_load(names, [solve.joints[name] for name in names], torques, *times)
+        if solve.polylines:
+            for name, found in equilibria.items():
+                if found.status.trusted:
                     self._log.polyline(name, found.points, found.orientations, *times)
 
     def __enter__(self) -> WhatIfLog:

@@ -17,9 +17,10 @@ from cable_ros.scene.errors import SceneError, suggestion
 from cable_ros.scene.influences import CELSIUS, GRAY, read_influence
 from cable_ros.scene.model import EFFECTS, Cable, Mount, Robot, Scene
 from cable_ros.scene.obstacles import read_obstacles
-from cable_ros.scene.section import MILLIMETRES, Section, Size, describe, plain, unit_quaternion
+from cable_ros.scene.section import MILLIMETRES, Section, Size, describe, plain, rotation
 from cable_ros.scene.text import check_amount, parse_yaml, read_text
 from cable_ros.scene.urdf import link_names
+from cable_ros.share import package_file
 
 LENGTH = Size("m", 0.01, 100.0, too_high=MILLIMETRES)
 DIAMETER = Size("m", 1e-5, 1.0, too_high=MILLIMETRES)
@@ -156,9 +157,15 @@ def _robot(top: Section, path: Path | None, urdf: str | None) -> Robot | None:
     if section is None:
         return None
     name = section.text("urdf", "the path of the robot's URDF, relative to the scene")
-    file = Path(name).expanduser()
-    if path is not None:
-        file = path.parent / file
+    if name.startswith("package://"):
+        try:
+            file = package_file(name)
+        except FileNotFoundError as error:
+            section.fail(f"{name}: {error}", "urdf")
+    else:
+        file = Path(name).expanduser()
+        if path is not None:
+            file = path.parent / file
     place = f"{top.source}: {section.at('urdf')}: {file}"
     return Robot(read_text(file, place, "the robot's URDF", MOST_URDF_CHARACTERS), str(file), file)
 
@@ -288,7 +295,7 @@ def _stiffness(section: Section, length: float) -> tuple[float | None, np.ndarra
 def _mount(cable: Section, name: str, links: tuple[str, ...] | None) -> Mount:
     remedy = "{position: [x, y, z], orientation: [x, y, z, w]}, with a link where the robot carries it"
     section = Section(
-        cable.get(name, remedy), cable.source, cable.at(name), ("link", "position", "orientation")
+        cable.get(name, remedy), cable.source, cable.at(name), ("link", "position", "orientation", "rpy")
     )
     link = _link(section, links)
     position = section.vector("position", 3, "[x, y, z] in metres")
@@ -296,7 +303,7 @@ def _mount(cable: Section, name: str, links: tuple[str, ...] | None) -> Mount:
     if reach > (WORLD_REACH if link is None else LINK_REACH):
         frame = "the world" if link is None else "its link"
         section.fail(f"{reach:g} m from the origin of {frame}; {MILLIMETRES}; give metres", "position")
-    return Mount(position, unit_quaternion(section, "orientation"), link)
+    return Mount(position, rotation(section), link)
 
 
 def _link(section: Section, links: tuple[str, ...] | None) -> str | None:

@@ -102,3 +102,7 @@ class Scene:
     """coulomb: stick and slip; sliding: fully mobilised against the end's motion, (53) of Liu et al."""
     effects: str | tuple[str, ...] = "all"
     """auto: what matters at the tolerance; all: what has numbers in the scene; or some of `EFFECTS`."""
+
+    def __repr__(self) -> str:
+        cables, obstacles = (", ".join(one.name for one in many) for many in (self.cables, self.obstacles))
+        return f"Scene({self.source}; cables: {cables}; obstacles: {obstacles or 'none'})"

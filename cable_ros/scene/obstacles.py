@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from cable_ros.scene.errors import SceneError
-from cable_ros.scene.section import MILLIMETRES, Section, Size, unit_quaternion
+from cable_ros.scene.section import MILLIMETRES, Section, Size, rotation
 
 RADIUS = Size("m", 1e-5, 100.0, too_high=MILLIMETRES)
 EDGE = Size("m", 1e-5, 1000.0, too_high=MILLIMETRES)
@@ -124,8 +124,8 @@ def _axis(section: Section) -> tuple[np.ndarray, np.ndarray, float]:
 
 def _box(section: Section) -> Box:
     size = section.vector("size", 3, "the whole edges [x, y, z] in metres", EDGE)
-    turned = "orientation" in section
-    orientation = unit_quaternion(section, "orientation") if turned else np.array([0.0, 0.0, 0.0, 1.0])
+    turned = "orientation" in section or "rpy" in section
+    orientation = rotation(section) if turned else np.array([0.0, 0.0, 0.0, 1.0])
     orientation.setflags(write=False)
     return Box(_point(section, "center"), size, orientation)
 
@@ -139,7 +139,7 @@ _SHAPES: dict[str, tuple[tuple[str, ...], Callable[[Section], Shape]]] = {
     "plane": (("point", "normal"), _plane),
     "capsule": (("start", "end", "radius"), lambda section: Capsule(*_axis(section))),
     "cylinder": (("start", "end", "radius"), lambda section: Cylinder(*_axis(section))),
-    "box": (("center", "size", "orientation"), _box),
+    "box": (("center", "size", "orientation", "rpy"), _box),
 }
 
 

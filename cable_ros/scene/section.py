@@ -159,6 +159,10 @@ class Section:
         return number
 
 
+_DEGREES = "it looks like degrees"
+ANGLE = Size("rad", -2 * math.pi, 2 * math.pi, _DEGREES, _DEGREES)
+
+
 def unit_quaternion(section: Section, name: str) -> np.ndarray:
     """(4,) a quaternion x y z w, normalised."""
     quaternion = section.vector(name, 4, "a unit quaternion [x, y, z, w]")
@@ -172,6 +176,29 @@ def unit_quaternion(section: Section, name: str) -> np.ndarray:
     unit = quaternion / norm
     unit.setflags(write=False)
     return unit
+
+
+def rotation(section: Section) -> np.ndarray:
+    """(4,) quaternion x y z w of the section's `orientation`, or of its `rpy` as URDF has it.
+
+    URDF's roll, pitch and yaw turn about the fixed axes x, y, z, one after the other.
+    """
+    if "rpy" not in section:
+        return unit_quaternion(section, "orientation")
+    if "orientation" in section:
+        section.fail("both orientation and rpy are given; give one of the two")
+    angles = section.vector("rpy", 3, "[roll, pitch, yaw] in radians", ANGLE)
+    (sr, sp, sy), (cr, cp, cy) = np.sin(0.5 * angles), np.cos(0.5 * angles)
+    quaternion = np.array(
+        [
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        ]
+    )
+    quaternion.setflags(write=False)
+    return quaternion
 
 
 def plain(value: Any) -> Any:

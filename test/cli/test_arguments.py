@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 
-import numpy as np
 import pytest
 
 from cable_ros.cli._arguments import (
@@ -80,12 +79,54 @@ def test_process_count():
             process_count(text)
 
 
-def test_joint_values_are_exactly_the_needed_ones():
-    assert joint_values([("b", 1.0), ("a", 2.0)], ["a", "b"]) == {"a": 2.0, "b": 1.0}
-    with pytest.raises(CommandError, match="'c' moves no cable; those that do: a, b"):
-        joint_values([("c", 1.0)], ["a", "b"])
+def joints(*pairs, needed=("a", "b"), pose=None):
+    return joint_values(argparse.Namespace(command="solve", joint=list(pairs), pose=pose), needed)
+
+
+def test_joint_values(capsys):
+    assert joints(("b", 1.0), ("a", 2.0)) == {"a": 2.0, "b": 1.0}
+    with pytest.raises(CommandError, match="'c' moves no cable"):
+        joints(("c", 1.0))
     with pytest.raises(CommandError, match="more than once"):
-        joint_values([("a", 1.0), ("a", 1.0)], ["a"])
-    with pytest.raises(CommandError, match="--joint b=VALUE"):
-        joint_values([("a", 1.0)], ["a", "b"])
-    assert np.all(joint_values([], []) == {})
+        joints(("a", 1.0), ("a", 1.0))
+    assert joints(needed=()) == {}
+    assert capsys.readouterr().err == ""
+    assert joints(("a", 1.0)) == {"a": 1.0, "b": 0.0}
+    assert capsys.readouterr().err == "cable solve: 0 for the joint b, not named\n"
+    assert joints() == {"a": 0.0, "b": 0.0}
+    assert capsys.readouterr().err == "cable solve: 0 for the joints a, b, not named\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{a: 0.5, b: 1, elsewhere: 3}",
+        "header: {frame_id: ''}\nname: [b, elsewhere, a]\nposition: [1.0, 3.0, 0.5]\nvelocity: []\n---\n",
+    ],
+)
+def test_a_pose_from_a_file(tmp_path, capsys, text):
+    path = tmp_path / "pose.yaml"
+    path.write_text(text)
+    assert joints(pose=path) == {"a": 0.5, "b": 1.0}
+    assert joints(("a", 2.0), pose=path) == {"a": 2.0, "b": 1.0}
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("[1, 2]", "must be lines 'NAME: VALUE', rad or m, or a joint state"),
+        ("a: wide", "a: must be a number in rad or m within 10000"),
+        ("a: .nan", "a: must be a number"),
+        ("a: 1" + 400 * "0", "a: must be a number"),
+        ("a: yes", "a: must be a number"),
+        ("{name: [a, b], position: [1.0]}", "2 names and 1 positions"),
+    ],
+)
+def test_what_is_no_pose_is_a_sentence(tmp_path, text, sentence):
+    path = tmp_path / "pose.yaml"
+    path.write_text(text)
+    with pytest.raises(CommandError) as caught:
+        joints(pose=path)
+    assert str(caught.value).startswith(f"--pose {path}: ")
+    assert sentence in str(caught.value)

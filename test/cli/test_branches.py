@@ -44,6 +44,6 @@ def test_no_equilibrium_is_no_picture(tmp_path, capsys):
     assert not out.exists()
 
 
-def test_a_forgotten_joint_is_a_sentence(capsys):
-    assert main(["branches", ARM]) == 2
+def test_a_misspelt_joint_is_a_sentence(capsys):
+    assert main(["branches", ARM, "--joint", "orientatoin=0"]) == 2
     assert "orientation" in capsys.readouterr().err

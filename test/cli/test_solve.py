@@ -8,9 +8,10 @@ import json
 import numpy as np
 import pytest
 
-from cable_ros import Equilibrium
+from cable_ros import Equilibrium, Tracker
 from cable_ros.cli.main import main
 from cable_ros.cli.solve import engineering
+from cable_ros.joint import joint_torque
 from cable_ros.share import share_file
 
 ARM = str(share_file("config", "space_arm.yaml"))
@@ -47,6 +48,17 @@ def test_json_has_the_fields_of_equilibrium(capsys):
     assert np.allclose(
         found["end_wrench"][3:], np.negative(moment), rtol=0, atol=1e-5 * np.linalg.norm(moment)
     )
+
+
+def test_joint_load_is_told(capsys):
+    command = ["solve", ARM, "--joint", "orientation=0.5"]
+    assert main([*command, "--json"]) == 0
+    (value,) = json.loads(capsys.readouterr().out)["joint_load"].items()
+    tracker, joints = Tracker(ARM), {"orientation": 0.5}
+    (wanted,) = joint_torque(tracker, tracker.solve(joints), joints)
+    assert value == ("orientation", pytest.approx(wanted, rel=1e-6))
+    assert main(command) == 0
+    assert f"  orientation       {engineering(wanted, 'N m')}\n" in capsys.readouterr().out
 
 
 def test_contacts_are_told(capsys):
@@ -102,12 +114,11 @@ def test_json_stays_json_where_numbers_are_missing(capsys, far):
 @pytest.mark.parametrize(
     ("joints", "words"),
     [
-        ([], "--joint orientation=VALUE"),
         (["orientation=0", "orientation=1"], "more than once"),
         (["orientatoin=0"], "'orientatoin' moves no cable; those that do: orientation"),
     ],
 )
-def test_joints_must_be_the_needed_ones(capsys, joints, words):
+def test_joints_are_the_needed_ones(capsys, joints, words):
     options = [word for joint in joints for word in ("--joint", joint)]
     assert main(["solve", ARM, *options]) == 2
     assert words in capsys.readouterr().err

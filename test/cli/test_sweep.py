@@ -10,6 +10,7 @@ import pytest
 from cable_ros import Tracker, batch, load_scene
 from cable_ros.cli.main import main
 from cable_ros.cli.sweep import grid, same_branch
+from cable_ros.joint import joint_torque
 from cable_ros.scene import vary
 from cable_ros.share import share_file
 
@@ -48,6 +49,36 @@ def test_csv_holds_what_the_tracker_finds(tmp_path, capsys):
     names = [f"end_{kind}_{axis}" for kind in ("force", "moment") for axis in "xyz"]
     # Each is within the default tolerance of 1e-4 of the truth.
     assert [float(rows[1][name]) for name in names] == pytest.approx(wrench.tolist(), rel=1e-3)
+
+
+def test_joint_load_is_in_tables_and_logs(tmp_path):
+    reader = pytest.importorskip("cable_ros.log.reader")
+    pytest.importorskip("sensor_msgs", reason="logs hold ROS messages")
+    table, log = tmp_path / "arm.csv", tmp_path / "arm.mcap"
+    for out in (table, log):
+        assert main(["sweep", ARM, "--joint", "orientation=-10:10:10deg", "--out", str(out)]) == 0
+    tabled = [float(row["load_orientation"]) for row in _rows(table)]
+    with reader.LogReader(log) as opened:
+        logged = [message for _, message in opened.decoded(["/cable_node/joint_load"])]
+    assert [list(message.name) for message in logged] == [["orientation"]] * 3
+    assert [message.position[0] for message in logged] == pytest.approx(np.radians([-10, 0, 10]).tolist())
+    tracker = Tracker(ARM)
+    for angle, ours, theirs in zip(np.radians([-10, 0, 10]), tabled, logged, strict=True):
+        joints = {"orientation": float(angle)}
+        wanted = joint_torque(tracker, tracker.solve(joints), joints)
+        # Each is within the default tolerance of 1e-4 of the truth.
+        assert [ours] == pytest.approx(wanted, rel=1e-3)
+        assert theirs.effort[0] == pytest.approx(ours, rel=1e-6)  # the log's polylines ask for finer meshes
+
+
+def test_a_joint_that_is_not_named_is_0_and_told(tmp_path, capsys):
+    out = tmp_path / "arm.csv"
+    assert main(["sweep", ARM, "--out", str(out)]) == 0
+    assert "cable sweep: 0 for the joint orientation, not named\n" in capsys.readouterr().err
+    (row,) = _rows(out)
+    assert float(row["orientation"]) == 0.0
+    assert main(["sweep", ARM, "--joint", "elbow=1", "--out", str(tmp_path / "other.csv")]) == 2
+    assert "'elbow' moves no cable" in capsys.readouterr().err
 
 
 def test_varied_fields_are_columns_and_multiply(tmp_path, fixed):

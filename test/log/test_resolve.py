@@ -10,6 +10,7 @@ import pytest
 from log_samples import JOINT_STATE, JOINTS, START, WRENCH_STAMPED, joint_state, wrench
 
 from cable_ros.cli.main import main
+from cable_ros.joint import joint_torque
 from cable_ros.log import events
 from cable_ros.log.errors import LogError
 from cable_ros.log.events import encode_event, encode_solved_joints
@@ -150,10 +151,16 @@ def test_the_environment_is_repeated_or_left_to_another_scene(tmp_path, capsys):
 
     assert main(["replay", str(tmp_path / "run.mcap"), "--with", str(cold), "--out", str(tmp_path)]) == 0
     assert "temperatures and doses of the log were left out" in capsys.readouterr().out
-    coldest = Tracker(load_scene(cold)).solve({"orientation": float(ANGLES[3])})["camera_cable"].end_wrench
+    tracker, joints = Tracker(load_scene(cold)), {"orientation": float(ANGLES[3])}
+    equilibria = tracker.solve(joints)
+    coldest = equilibria["camera_cable"].end_wrench
     new = read_history(tmp_path / "run_with_space_arm_cold.mcap").end_wrenches["camera_cable"][3]
     # The one cold, the other tracked, each within 1e-4 of the truth.
     assert np.linalg.norm(new - coldest) <= 2e-4 * np.linalg.norm(coldest)
+    with LogReader(tmp_path / "run_with_space_arm_cold.mcap") as log:
+        loads = [message for _, message in log.decoded(["/cable_node/joint_load"])]
+    assert len(loads) == len(ANGLES)
+    assert loads[3].effort[0] == pytest.approx(joint_torque(tracker, equilibria, joints)[0], rel=1e-3)
     logged = read_history(tmp_path / "run.mcap").end_wrenches["camera_cable"][3]
     assert np.linalg.norm(new - logged) > 0.01 * np.linalg.norm(coldest)
 

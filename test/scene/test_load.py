@@ -13,6 +13,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from cable_ros.scene import Plane, SceneError, Sphere, load_scene
 from cable_ros.share import share_file
@@ -129,6 +130,42 @@ def test_numbers_as_engineers_write_them(tmp_path: Path, written: str, meant: fl
     assert stiffness[0] == pytest.approx(meant * math.pi / 64 * 0.00754**4, rel=1e-14)  # a few roundings
 
 
+def test_rpy_turns_as_a_urdf_does() -> None:
+    """Rotation by roll, pitch, yaw about fixed axes; what SciPy calls 'xyz', extrinsic."""
+    angles = [0.3, -1.1, 2.4]
+    mounts = [mount(orientation=[0, 0, 0, 1]) | {"rpy": angles} for _ in range(2)]
+    for one in mounts:
+        del one["orientation"]
+    box = {"name": "b", "box": {"center": [0, 0, 9], "size": [1, 1, 1], "rpy": angles}}
+    loaded = load_scene(scene(cable(start=mounts[0]), obstacles=[box]))
+    wanted = Rotation.from_euler("xyz", angles).as_matrix()
+    for found in (loaded.cables[0].start.orientation, loaded.obstacles[0].shape.orientation):
+        np.testing.assert_allclose(Rotation.from_quat(found).as_matrix(), wanted, atol=1e-15)
+
+
+def test_a_urdf_of_a_package(tmp_path, monkeypatch) -> None:
+    index = tmp_path / "share" / "ament_index" / "resource_index" / "packages"
+    index.mkdir(parents=True)
+    (index / "arm_description").touch()
+    file = tmp_path / "share" / "arm_description" / "urdf" / "arm.urdf"
+    file.parent.mkdir(parents=True)
+    file.write_text(URDF)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path}")
+    mapping = scene(
+        cable(end=mount(link="turret")), robot={"urdf": "package://arm_description/urdf/arm.urdf"}
+    )
+    assert load_scene(mapping).robot.path == file
+    mapping["robot"] = {"urdf": "package://cable_ros/config/space_arm.urdf"}
+    assert load_scene(mapping).robot.urdf == URDF
+    mapping["robot"] = {"urdf": "package://no_arm/urdf/arm.urdf"}
+    text = sentence(mapping)
+    assert (
+        "robot.urdf: package://no_arm/urdf/arm.urdf: there is no package 'no_arm' in the ament index" in text
+    )
+    mapping["robot"] = {"urdf": "package://arm_description/urdf/leg.urdf"}
+    assert f"{file.with_name('leg.urdf')}: there is no such file" in sentence(mapping)
+
+
 def test_urdf_given_later_takes_the_place_of_the_file() -> None:
     mapping = yaml.safe_load(ARM.read_text().replace("6.70e6", "6.70e+6").replace("2.28e6", "2.28e+6"))
     mapping["robot"] = {"urdf": ARM.with_name("space_arm.urdf")}
@@ -213,6 +250,16 @@ MISTAKES = {
         scene(cable(end=mount(position=[80, 145, 75]))),
         "cables[0].end.position",
         "millimetres",
+    ),
+    "both orientations": (
+        scene(cable(end=mount(rpy=[0, 0, 0]))),
+        "cables[0].end",
+        "both orientation and rpy are given; give one of the two",
+    ),
+    "degrees": (
+        scene(cable(end={"position": [0, 0, 0], "rpy": [0, 90, 0]})),
+        "cables[0].end.rpy[1]",
+        "it looks like degrees",
     ),
     "quaternion": (scene(cable(end=mount(orientation=[1, 0, 0, 1]))), "cables[0].end.orientation", "1.41421"),
     "quaternion 0": (

@@ -1,0 +1,64 @@
+"""Compiling beside the executor, which meanwhile answers parameters and services and reports."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.task import Future
+
+from cable_ros.tracker import Tracker
+from cable_ros.warm_up import warm_up
+
+_NAME = "preparation"
+
+
+class Preparation:
+    """Gets the code that a tracker needs in a thread of its own, then hands the tracker over to the executor.
+
+    Args:
+        node: whose executor it is.
+        tracker: to be left alone until it is handed over.
+        done: called by the executor with the tracker and the seconds that it took.
+    """
+
+    def __init__(self, node: Node, tracker: Tracker, done: Callable[[Tracker, float], None]) -> None:
+        self.finished = Future()
+        """Done as soon as the tracker is handed over."""
+        self._node, self._tracker, self._done = node, tracker, done
+        self._error: Exception | None = None
+        self._seconds = 0.0
+        self._ready = node.create_guard_condition(self._on_ready)
+        threading.Thread(target=self._run, name=_NAME, daemon=True).start()
+
+    def _run(self) -> None:
+        begin = time.perf_counter()
+        try:
+            warm_up(self._tracker)
+        except Exception as error:
+            self._error = error
+        self._seconds = time.perf_counter() - begin
+        with contextlib.suppress(rclpy_implementation.InvalidHandle):  # the node has been taken down
+            self._ready.trigger()
+
+    def _on_ready(self) -> None:
+        self._node.destroy_guard_condition(self._ready)
+        if self._error is not None:
+            raise self._error
+        self._done(self._tracker, self._seconds)
+        self.finished.set_result(None)
+
+
+def leave(code: int) -> int:
+    """Return the exit code; while something compiles, end the process: the interpreter could not cleanly."""
+    if any(thread.name == _NAME for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code

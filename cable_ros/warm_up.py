@@ -1,0 +1,114 @@
+"""Compile and load ahead what solves will need, on scenes of our own where a scene comes to it late."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from cable_ros.joint import joint_load
+from cable_ros.scene import SceneError, load_scene
+from cable_ros.share import share_file
+from cable_ros.tracker import Tracker
+
+_LOOSE: dict[str, Any] = {
+    "gravity": [0.0, 0.0, -9.81],
+    "cables": [
+        {
+            "name": "cable",
+            "length": 1.0,
+            "stiffness": [1.0, 1.0, 0.75],
+            "linear_density": 0.5,
+            "start": {"position": [0.0, 0.0, 0.0], "orientation": [0.0, 0.0, 0.0, 1.0]},
+            "end": {"position": [0.3, 0.1, 0.8], "orientation": [0.28, 0.0, 0.0, 0.96]},
+        }
+    ],
+}
+"""A cable that touches nothing."""
+_DRAWN: dict[str, Any] = {
+    "gravity": [0.0, 0.0, -20.0],
+    "obstacles": [
+        {
+            "name": "ground",
+            "link": "drawn",
+            "plane": {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]},
+            "friction": 0.35,
+        }
+    ],
+    "cables": [
+        {
+            "name": "cable",
+            "length": 1.0,
+            "stiffness": [4.0, 1.0, 4.0],
+            "linear_density": 1.0,
+            "total_twist": 0.0,
+            "start": {
+                "position": [-0.42526324, 0.22523478, 0.0],
+                "orientation": [
+                    0.67357095,
+                    0.2151794,
+                    0.2151794,
+                    0.67357095,
+                ],
+            },
+            "end": {
+                "position": [0.42526324, 0.22523478, 0.0],
+                "orientation": [
+                    0.2151794,
+                    0.67357095,
+                    0.67357095,
+                    0.2151794,
+                ],
+            },
+        }
+    ],
+}
+"""A bow on rough ground: as that is drawn from under it, friction is followed on a grid of contacts."""
+_DRAWING = (
+    '<robot name="ground"><link name="world"/><link name="drawn"/><joint name="y" type="prismatic">'
+    '<parent link="world"/><child link="drawn"/><axis xyz="0 1 0"/>'
+    '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+)
+
+
+def warm_up(tracker: Tracker) -> None:
+    """Get the code that the tracker's scene needs; it has solved nothing afterwards."""
+    for value in (0.0, 0.01):
+        _solve(tracker, dict.fromkeys(tracker.joint_names, value))
+    tracker.reset()
+    if tracker.scene.obstacles:
+        rehearse_contact()
+
+
+def rehearse_all() -> None:
+    """Get the code that any scene needs; without Pinocchio, that of cables without contact."""
+    for fields in ({}, {"axial_stiffness": 1e3, "shear_stiffness": [1e3, 1e3]}):
+        (cable,) = _LOOSE["cables"]
+        _solve(Tracker(load_scene(_LOOSE | {"cables": [cable | fields]})), {})
+    _rehearse_arm("space_arm.yaml", (0.0, 0.5))
+    rehearse_contact()
+
+
+def rehearse_contact() -> None:
+    """Get the code of contact: a robot shall not wait for it at the first touch."""
+    _rehearse_arm("space_arm_sphere.yaml", (30.0, 44.0, 45.0, 75.0, 30.0))
+    with contextlib.suppress(SceneError):  # without Pinocchio it is compiled at the first contact
+        tracker = Tracker(load_scene(_DRAWN, urdf=_DRAWING))
+        for place in (0.0, -0.03, 0.0):
+            _solve(tracker, {"y": place})
+
+
+def _rehearse_arm(scene: str, degrees: Sequence[float]) -> None:
+    with contextlib.suppress(FileNotFoundError, SceneError):  # without its files or Pinocchio
+        tracker = Tracker(str(share_file("config", scene)))
+        for angle in degrees:
+            _solve(tracker, {"orientation": math.radians(angle)})
+
+
+def _solve(tracker: Tracker, joints: Mapping[str, float]) -> None:
+    equilibria = tracker.solve(joints)
+    if tracker.joint_names and all(found.status.trusted for found in equilibria.values()):
+        joint_load(tracker, equilibria, joints)
+    for found in equilibria.values():
+        found.as_dict()  # with contacts and stiffness

@@ -1,0 +1,72 @@
+"""What a real node does while it compiles, or loads what is compiled."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not on this machine")
+pytest.importorskip("pinocchio", reason="the arm's kinematics need Pinocchio")
+
+from observer import ERROR, JOINTS_ENTRY, LOG_ENTRY, OK, WARN, Observer, arm_scene
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from robot import NODE
+from std_msgs.msg import String
+
+from cable_ros.log import events
+from cable_ros.log.reader import LogReader
+from cable_ros.share import share_file
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Early(Observer):
+    """There before the node has a tracker."""
+
+    def wait_for_node(self) -> None:
+        pass
+
+
+def test_while_it_compiles_it_says_so_and_answers_parameters(tmp_path):
+    path = tmp_path / "run.mcap"
+    ball = share_file("config", "space_arm_sphere.yaml")
+    with Early(scene=ball, diagnostics_rate="50.0", log__enabled="true", log__path=path) as robot:
+        client = robot.node.create_client(SetParameters, f"{NODE}/set_parameters")
+        robot.wait(client.service_is_ready)
+        tolerance = Parameter("tolerance", value=1e-3).to_parameter_msg()
+        answer = client.call_async(SetParameters.Request(parameters=[tolerance]))
+        report = robot.entry(JOINTS_ENTRY)
+        assert (report.level, report.message) == (
+            WARN,
+            "Compiling the solver; joint states are taken after that.",
+        )
+        robot.wait(answer.done)
+        assert answer.result().results[0].successful
+        assert robot.entry(JOINTS_ENTRY).message.startswith("Compiling"), "it was answered before that ended"
+        assert robot.publisher.get_subscription_count() == 0
+        super(Early, robot).wait_for_node()
+        robot.move(0.3)
+        assert robot.entry(JOINTS_ENTRY).level == OK
+        assert robot.entry(LOG_ENTRY).message == f"Writing {path}."
+        robot.stop()
+    with LogReader(path) as log:  # the only one: begun with the scene, and with the tolerance set meanwhile
+        assert "scene.yaml" in log.attachments
+        assert "tolerance: 0.001" in log.attachments["parameters.yaml"]
+        _, first = next(log.decoded([f"{NODE}/events"]))
+        assert events.decode_event(first.data)["tolerance"] == 1e-3
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_robot_without_the_scenes_link_is_an_error_until_one_with_it_comes(tmp_path):
+    scene = arm_scene(tmp_path, robot=None)
+    with Early(scene=scene, diagnostics_rate="20.0") as robot:
+        described = robot.node.create_publisher(String, "/robot_description", LATCHED)
+        robot.wait(lambda: described.get_subscription_count() > 0)
+        urdf = share_file("config", "space_arm.urdf").read_text()
+        described.publish(String(data=urdf.replace('"turret"', '"tower"')))
+        assert robot.told("the robot has no link 'turret'").level == ERROR
+        described.publish(String(data=urdf))
+        super(Early, robot).wait_for_node()
+        robot.move(0.3)
+        assert robot.entry(JOINTS_ENTRY).level == OK
