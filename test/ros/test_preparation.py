@@ -43,6 +43,7 @@ def test_while_it_compiles_it_says_so_and_answers_parameters(tmp_path):
         )
         robot.wait(answer.done)
         assert answer.result().results[0].successful
+        robot.node.destroy_client(client)
         assert robot.entry(JOINTS_ENTRY).message.startswith("Compiling"), "it was answered before that ended"
         assert robot.publisher.get_subscription_count() == 0
         super(Early, robot).wait_for_node()
