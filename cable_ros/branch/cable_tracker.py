@@ -205,17 +205,27 @@ class Follower:
     ) -> Equilibrium:
         """The equilibrium at `joints`, the clamps at `poses`; `kinematics` tells of the way there."""
         self._budget = self._whole
+        if self._standing.waiting:
+            unfinished = self._catch_up(kinematics, index, joints, begin)
+            if unfinished is not None:
+                return unfinished
+        return self._follow(kinematics, index, joints, poses, begin)
+
+    def _catch_up(
+        self, kinematics: Kinematics, index: int, joints: np.ndarray, begin: float
+    ) -> Equilibrium | None:
+        """Go through the poses that wait, on the way to `joints`; the result if that is not finished."""
         waiting = self._standing.waiting if self._model == COULOMB and self._rod is not None else ()
         self._standing = replace(self._standing, waiting=())
         if len(waiting) > MOST_WAITING:
             self._lose(CUT)
-            waiting = ()
+            return None
         for i, asked in enumerate(waiting):
             unfinished = self._past(kinematics, index, np.array(asked), begin)
             if unfinished is not None:
                 self._standing = replace(self._standing, waiting=waiting[i:]).asked(self._joints, joints)
                 return unfinished
-        return self._follow(kinematics, index, joints, poses, begin)
+        return None
 
     def _past(
         self, kinematics: Kinematics, index: int, joints: np.ndarray, begin: float
