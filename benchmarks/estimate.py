@@ -20,13 +20,13 @@ from cable_ros import Tracker
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.fuzz import tracked_case
 from cable_ros.bench.machine import describe
-from cable_ros.branch.cable_tracker import ALGEBRAIC, Follower
+from cable_ros.branch.cable_tracker import ALGEBRAIC, CableTracker
 from cable_ros.branch.cold_start import Found, on_mesh
 
 QUANTILES = (0.01, 0.5, 0.9, 0.99, 0.999, 1.0)
 
 
-def true_error(follower: Follower) -> float:
+def true_error(follower: CableTracker) -> float:
     """Relative error of the end wrench of a follower's equilibrium; NaN where the halved mesh has none."""
     rod, q, F = follower._rod, follower._q, follower._F
     assert rod is not None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cable_ros.branch import effect_selection
-from cable_ros.branch.cable_tracker import Follower
+from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.common.compile_watch import GETTING, listen
 from cable_ros.contact.overlaps import OUTLINE, Pairs
 from cable_ros.effects.registry import environments, properties
@@ -61,7 +61,7 @@ class Tracker:
         self._tolerance, self._polyline_points = float(tolerance), int(polyline_points)
         names = [obstacle.name for obstacle in self.scene.obstacles]
         self._followers = tuple(
-            Follower(cable, properties(self.scene, cable), self._tolerance, self._polyline_points, names)
+            CableTracker(cable, properties(self.scene, cable), self._tolerance, self._polyline_points, names)
             for cable in self.scene.cables
         )
         self._pairs = Pairs(self.scene.cables)
@@ -157,11 +157,11 @@ class Tracker:
         follower, cable = self._followers[index], self.scene.cables[index]
         return effect_selection.review(follower, self.scene, cable, self.kinematics, index, found)
 
-    def snapshot(self) -> tuple[Follower, ...]:
+    def snapshot(self) -> tuple[CableTracker, ...]:
         """A copy of what the next solve starts from, for `restore`; can be pickled."""
         return copy.deepcopy(self._followers)
 
-    def restore(self, snapshot: tuple[Follower, ...]) -> None:
+    def restore(self, snapshot: tuple[CableTracker, ...]) -> None:
         """Go on from a snapshot of a tracker of the same scene; tolerance and polyline points stay."""
         self._followers = copy.deepcopy(snapshot)
         for follower in self._followers:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cable_ros.branch.cable_tracker import Follower
+from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.effects.choice import Choice
 from cable_ros.effects.registry import properties, wanted
 from cable_ros.equilibrium import Equilibrium
@@ -23,7 +23,7 @@ UNREMOVED = ("contact", "friction")
 """Never left out: they cost next to nothing while nothing touches, and nothing tells when something will."""
 
 
-def prepare(follower: Follower, scene: Scene, cable: Cable, kinematics: Kinematics, index: int) -> None:
+def prepare(follower: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int) -> None:
     """Take all effects in again where the choice no longer holds: before a cold start."""
     choice = follower.choice
     if choice is not None and (follower.rod is None or choice.tolerance != follower.tolerance):
@@ -31,7 +31,7 @@ def prepare(follower: Follower, scene: Scene, cable: Cable, kinematics: Kinemati
 
 
 def review(
-    follower: Follower, scene: Scene, cable: Cable, kinematics: Kinematics, index: int, found: Equilibrium
+    follower: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int, found: Equilibrium
 ) -> bool:
     """Choose after a solve; whether the equations have changed, so that the pose must be solved again.
 
@@ -67,14 +67,14 @@ def review(
     return bool(left_out) or choice is not None
 
 
-def _choice(follower: Follower, left_out: tuple[str, ...], change: float, found: Equilibrium) -> Choice:
+def _choice(follower: CableTracker, left_out: tuple[str, ...], change: float, found: Equilibrium) -> Choice:
     note = f" Left out: {', '.join(left_out)} (changes the end wrench by {change:.1g})." if left_out else ""
     size = follower.size(found.end_wrench)
     return Choice(left_out, change, follower.tolerance, size, follower.q, note)
 
 
 def _measure(
-    follower: Follower, scene: Scene, cable: Cable, kinematics: Kinematics, index: int
+    follower: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int
 ) -> tuple[tuple[str, ...], float]:
     """What can be left out of a cable that has everything in, and what that changes."""
     with_all = _wrench(follower, scene, cable, kinematics, index, ())
@@ -97,7 +97,7 @@ def _measure(
 
 
 def _wrench(
-    follower: Follower,
+    follower: CableTracker,
     scene: Scene,
     cable: Cable,
     kinematics: Kinematics,
@@ -115,7 +115,9 @@ def _others(scene: Scene, cable: Cable, left_out: Iterable[str]) -> tuple[str, .
     return tuple(name for name in wanted(scene, cable) if name not in left_out)
 
 
-def _take_all_in(follower: Follower, scene: Scene, cable: Cable, kinematics: Kinematics, index: int) -> None:
+def _take_all_in(
+    follower: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int
+) -> None:
     follower.choice = None
     follower.become(properties(scene, cable, environment=follower.environment), kinematics.poses, index)
 

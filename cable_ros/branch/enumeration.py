@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cable_ros.branch.cable_tracker import Follower
+from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.effects.registry import properties
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.scene import Kinematics, Scene
@@ -36,7 +36,7 @@ def branches(
     poses = kinematics.poses(values)
     names = [obstacle.name for obstacle in scene.obstacles]
     return {
-        cable.name: Follower(cable, properties(scene, cable), tolerance, polyline_points, names).branches(
+        cable.name: CableTracker(cable, properties(scene, cable), tolerance, polyline_points, names).branches(
             kinematics, values, poses[i]
         )
         for i, cable in enumerate(scene.cables)

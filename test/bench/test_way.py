@@ -158,7 +158,7 @@ def test_not_converged_is_a_failure_however_short_the_cable_is(too_short: Outcom
 
 def test_a_false_claim_is_wrong(too_short: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tracker made to say so where the ball is small."""
-    monkeypatch.setattr("cable_ros.branch.cable_tracker.too_short", lambda *_: (0.02, 0))
+    monkeypatch.setattr("cable_ros.branch.cable_model.too_short", lambda *_: (0.02, 0))
     outcome = run_case(ball_case(0.05))
     assert outcome.steps[0].equilibrium.status is Status.OUT_OF_REACH
     tally = Tally("poses")

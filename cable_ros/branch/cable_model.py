@@ -1,0 +1,106 @@
+"""One cable in units of its own: its section, its obstacles, and whether anything bars its way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cable_ros.branch.cold_start import (
+    Conditions,
+)
+from cable_ros.contact.distance import nearest, placed
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
+from cable_ros.contact.shortest_path import too_short
+from cable_ros.effects.effect import Properties
+from cable_ros.rod.kirchhoff import NOTHING, Rod
+from cable_ros.rod.units import Units, relative, relative_change
+from cable_ros.scene import Cable, Kinematics
+
+CLAMP_DEPTH = 1e-6
+"""A clamp may be this deep inside an obstacle, parts of the length: rounding of poses."""
+MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
+LONGEST_STRETCH = 1.1
+"""A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
+
+
+class CableModel:
+    """A cable as its scene and the effects in use leave it; SI outside, units of the cable inside."""
+
+    def __init__(self, cable: Cable, properties: Properties, obstacle_names: Sequence[str] = ()) -> None:
+        self.name = cable.name
+        self._hint = cable.total_twist
+        self._names = obstacle_names
+        self._diameter = 2.0 * cable.radius
+        self._use(properties)
+
+    def _use(self, properties: Properties) -> None:
+        bending = properties.stiffness[:2]
+        self._units = Units(properties.length, float(np.sqrt(bending[0] * bending[1])))
+        self._stiffness = properties.stiffness / self._units.stiffness
+        self._natural = np.zeros(3) if properties.natural is None else properties.natural * properties.length
+        self._weight = properties.weight
+        compliance = properties.compliance
+        self._compliance = None if compliance is None else compliance * self._units.force
+        self._obstacles = properties.obstacles
+        self._model = FRICTIONLESS
+        if properties.obstacles is not None and properties.friction is not None and properties.friction.any():
+            self._obstacles = properties.obstacles.copy()
+            self._obstacles[:, 17] = properties.friction
+            self._model = MODELS[properties.friction_model]
+
+    @property
+    def _reach(self) -> float:
+        """How far apart the clamps may be, parts of the length."""
+        return 1.0 if self._compliance is None or not self._compliance[2] else LONGEST_STRETCH
+
+    def _conditions(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, before: np.ndarray
+    ) -> Conditions:
+        qe, re, f = relative(poses, before, self._weight, self._units.length, self._units.force)
+        return Conditions(qe, re, f, self._placed(kinematics, joints, poses))
+
+    def _placed(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> np.ndarray | None:
+        if self._obstacles is None:
+            return None
+        return placed(self._obstacles, kinematics.obstacle_poses(joints), poses[0], self._units.length)
+
+    def _no_way(self, conditions: Conditions) -> str:
+        """What is in the way of every cable of this length between the clamps; empty where nothing is."""
+        obstacles, re = conditions.obstacles, conditions.re
+        return self._blocked(obstacles, re) or self._barred(obstacles, re)
+
+    def _blocked(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
+        """A sentence where a clamp is inside an obstacle, so that no shape of the cable can be right."""
+        if obstacles is None:
+            return ""
+        for end, r in (("start", NOTHING), ("end", re)):
+            distance, which = nearest(obstacles, r)
+            if distance < -CLAMP_DEPTH:
+                return (
+                    f"The {end} clamp of cable '{self.name}' is"
+                    f" {-distance * self._units.length * 1e3:.4g} mm inside"
+                    f" obstacle '{self._names[which]}', the cable's radius counted; it must be outside."
+                )
+        return ""
+
+    def _barred(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
+        """A sentence where no way past the obstacles is as short as the cable."""
+        found = None if obstacles is None else too_short(re, obstacles, self._reach)
+        if found is None or obstacles is None:
+            return ""
+        missing, which = found
+        return (
+            f"Cable '{self.name}' is too short to get past obstacle '{self._names[which]}': the shortest way"
+            f" found between its clamps is {missing * self._units.length * 1e3:.4g} mm longer."
+        )
+
+    def difference(self, found: np.ndarray, expected: np.ndarray) -> float:
+        """Relative difference of two end wrenches (6,), SI: the larger of the force's and the moment's."""
+        unit = np.repeat([self._units.force, self._units.moment], 3)
+        return relative_change((found - expected) / unit, expected / unit, Rod.least)
+
+    def size(self, wrench: np.ndarray) -> float:
+        """Magnitude of a wrench (6,), SI, in units of the cable."""
+        return float(np.hypot(np.linalg.norm(wrench[:3]) / self._units.force,
+                              np.linalg.norm(wrench[3:]) / self._units.moment)) + Rod.least  # fmt: skip

@@ -1,0 +1,267 @@
+"""The equilibrium that one cable stands at: what is known of it, and the result that tells it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cable_ros.branch import handover, results
+from cable_ros.branch.cable_model import CableModel
+from cable_ros.branch.cold_start import (
+    ACCEPT,
+    LENIENT,
+    Conditions,
+    Found,
+    refine,
+)
+from cable_ros.branch.continuation import Fall
+from cable_ros.branch.standing import Standing, alone, motion
+from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
+from cable_ros.contact.points import KIND, POINT, SLIPS
+from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.effects.choice import Choice
+from cable_ros.effects.effect import Properties
+from cable_ros.equilibrium import Equilibrium, Overlap, Status
+from cable_ros.linalg.bordered import NEUTRAL
+from cable_ros.rod.kirchhoff import Rod
+from cable_ros.scene import Cable
+
+GRID = 0.05
+"""Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
+COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
+ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
+SINKS = "The cable could not be kept out of what it touches between the places that hold it."
+FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
+"""What a result says whose stability margin is 0."""
+
+
+class TrackedEquilibrium(CableModel):
+    """A cable with its last equilibrium and how that was come by."""
+
+    def __init__(
+        self, cable: Cable, properties: Properties, tolerance: float, polyline_points: int,
+        obstacle_names: Sequence[str] = (),
+    ) -> None:  # fmt: skip
+        super().__init__(cable, properties, obstacle_names)
+        self.tolerance, self.polyline_points = tolerance, polyline_points
+        self.environment: dict[str, float] = {}
+        self.choice: Choice | None = None
+        self._reader, self._outline = results.Reader(), results.Reader()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the equilibrium."""
+        self._rod: Rod | None = None
+        self._q, self._F = np.empty((0, 4)), np.empty(3)
+        self._joints = np.empty(0)
+        self._twist: float | None = None
+        self._standing = Standing()
+        self._passing = False  # whether the pose is one that waited, on the way to another
+        self._resolved = 0.0
+        self._estimate = self._margin = np.nan
+        self._apart = np.inf
+
+    @property
+    def lost(self) -> str:
+        """What happened to the branch; empty while it is known."""
+        loss = self._standing.loss
+        return "" if loss is None else loss.told
+
+    def distrust(self, told: str) -> None:
+        """Take the branch for lost until it is known again, or `reset`; `told`: what happened, a clause."""
+        self._lose(told)
+
+    def _lose(self, told: str) -> None:
+        self._standing = self._standing.lost(told, self._model == COULOMB)
+        if self._rod is not None:
+            self._rod.forgot = False
+
+    def _fell(self, falls: Sequence[Fall]) -> None:
+        """Keep what falls on a walk mean for what is known."""
+        for fall in falls:
+            if fall.touched and self._model == COULOMB:
+                self._lose("it fell with contacts whose friction was forgotten")
+            elif fall.jumped and not fall.folded:
+                turned = f"total twist {fall.twist_before:.3f} -> {fall.twist_after:.3f} rad"
+                self._lose(f"it fell, {turned}, with a stability margin of {fall.margin:.2g} before")
+            elif fall.jumped:
+                self._standing = self._standing.snapped(fall)
+
+    def _mend(self, before: Conditions, step: bool) -> None:
+        """Count the motion since `before` in what must happen before a lost branch is known again."""
+        rod, loss = self._rod, self._standing.loss
+        assert rod is not None
+        assert loss is not None
+        touching = touches(rod)
+        loss = loss.followed(motion(before, conditions_of(rod)), touching and _slips(rod), step)
+        if loss.forgotten or (not touching and loss.due and self._alone(rod)):
+            self._standing = Standing()
+            return
+        self._standing = Standing(replace(loss, unasked=0.0) if not touching and loss.due else loss)
+
+    def _alone(self, rod: Rod) -> bool:
+        energy, _, _ = rod.linearize(self._q, self._F)
+        rod.factor(0.0)
+        here = Found(rod, self._q, self._F, energy, float(rod.totals[4]), 0)
+        return alone(here, self._stiffness, self._natural, self._compliance, self.tolerance)
+
+    def _take(self, found: Found, joints: np.ndarray) -> None:
+        self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints
+        if isinstance(found.rod, TouchingRod) and found.rod.model != self._model:
+            # its factors are those without friction
+            found.rod.model, found.rod.ready = self._model, False
+        self._resolved = self.tolerance
+
+    def _finish(
+        self, status: Status, message: str, iterations: int, poses: np.ndarray, begin: float
+    ) -> Equilibrium:
+        """Check the resolution, refine where it has become too coarse, and read off the result."""
+        rod = self._rod
+        assert rod is not None
+        if isinstance(rod, NodalRod):
+            rod = self._exactly(rod)
+        if isinstance(rod, NodalRod):
+            self._estimate, self._margin = rod.relative_error(self._q, self._F), rod.stability_margin()
+            self._apart = self._closest_approach(poses[0])
+            if self._estimate > self._limit:
+                message = COARSE.format(self._estimate)
+                return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
+            if self._estimate > self.tolerance and status is Status.CONVERGED:
+                message = f"{message[:-1]}{ON_GRID.format(self._estimate)}"
+        elif rod.drift == 0.0 or not self._estimate <= self.tolerance or rod.rubs_anew():
+            self._estimate = rod.relative_error(self._q, self._F)
+            sinks = rod.unresolved(self._q, LENIENT).any()
+            beside = rod.clamp_errors(self._q, self._F).max()
+            if max(self._estimate, beside) > ACCEPT * self.tolerance or sinks:
+                found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
+                fine, self._estimate = refine(found, self.tolerance)
+                iterations += fine.iterations
+                before = rod, self._q, self._F
+                self._take(fine, self._joints)
+                rod = fine.rod
+                sinks = rod.unresolved(self._q, LENIENT).any()
+                if (rod.forgot or sinks or self._estimate > self.tolerance) and self._carried(*before):
+                    return self._finish(status, message, iterations, poses, begin)
+            beside = rod.clamp_errors(self._q, self._F).max()
+            self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
+            if self._estimate > self.tolerance and self._carried(rod, self._q, self._F):
+                return self._finish(status, message, iterations, poses, begin)
+            if self._estimate > self.tolerance:
+                message = (
+                    f"The end wrench cannot be had to {self.tolerance:.0e}: its estimated error stays"
+                    f" {self._estimate:.1e}."
+                )
+                return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
+            if sinks:
+                return self.failed(Status.NOT_CONVERGED, SINKS, time.perf_counter() - begin)
+            self._margin = rod.stability_margin()
+            self._apart = self._closest_approach(poses[0])
+        elif self._apart < self._diameter + self._units.length * rod.drift:
+            # two points can have come so much nearer since that was last looked at
+            self._apart = self._closest_approach(poses[0])
+        if rod.forgot:
+            self._lose("friction was forgotten in a change of the mesh")
+        unit, standing = self._units, self._standing
+        if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
+            message = FREE
+        if standing.loss is not None:
+            status, message = Status.BRANCH_LOST, standing.loss.message
+        elif standing.snaps and status is Status.CONVERGED and not self._passing:
+            status, message = Status.SNAPPED, standing.story(unit.moment)
+            self._standing = Standing()
+        overlaps: tuple[Overlap, ...] = ()
+        if self._apart < self._diameter:
+            overlaps = (Overlap(self.name, self._apart, self._diameter),)
+            message = f"{message} {warning(self._apart, self._diameter)}"
+        if self.choice is not None:
+            message += self.choice.note
+        self._twist = float(rod.totals[4])
+        start = poses[0]
+        end_wrench, start_wrench, points, orientations = self._reader.read(
+            rod, self._q, self._F, start, unit, self.polyline_points
+        )
+        friction = None if self._obstacles is None else self._obstacles[:, 17]
+        return Equilibrium.of(
+            status=status, message=message, converged=standing.loss is None, stable=True,
+            stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
+            points=points, orientations=orientations, total_twist=self._twist,
+            energy=float(rod.totals[3]) * unit.moment - unit.length * float(self._weight @ start[:3]),
+            error_estimate=self._estimate, iterations=iterations,
+            solve_time=time.perf_counter() - begin, overlaps=overlaps,
+            _tangent=results.tangent(rod, self._q, self._F, unit, self._names, start),
+            _touching=results.touching(rod, friction, self._names, start, unit),
+        )  # fmt: skip
+
+    def _carried(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
+        """Go on with the equilibrium (q, F), whose friction counts, on a uniform grid; whether that is so."""
+        if not isinstance(rod, TouchingRod) or rod.model != COULOMB or not rod.count:
+            return False
+        carried = handover.nodal(rod, q, F)
+        if carried is not None:
+            self._rod, self._q, self._F = carried, carried.shape, carried.end_force
+        return carried is not None
+
+    def _exactly(self, rod: NodalRod) -> Rod:
+        """The equilibrium to the tolerance, if nothing rubs; else the rod as it is."""
+        found = handover.exact(rod, self.tolerance, self._model)
+        if found is None:
+            return rod
+        self._take(found, self._joints)
+        self._estimate = np.inf
+        return found.rod
+
+    @property
+    def _limit(self) -> float:
+        """Largest error on a grid of contacts that is published."""
+        return max(self.tolerance, GRID if self._model == COULOMB else 0.0)
+
+    def _closest_approach(self, start: np.ndarray) -> float:
+        """How near the cable comes to itself, m; `start` (7,): its start clamp."""
+        if not self._diameter or self._rod is None:
+            return np.inf
+        return closest_approach(self.outline(start), self._units.length, SPACING * self._diameter)
+
+    def outline(self, start: np.ndarray) -> np.ndarray:
+        """(OUTLINE, 3) centreline of the present equilibrium, world, m; `start` (7,): its start clamp."""
+        assert self._rod is not None
+        return self._outline.read(self._rod, self._q, self._F, start, self._units, OUTLINE)[2]
+
+    @property
+    def rod(self) -> Rod | None:
+        """The rod of the present equilibrium; None without one."""
+        return self._rod
+
+    @property
+    def q(self) -> np.ndarray:
+        """(n, 4) its nodal frames."""
+        return self._q
+
+    def wrenches(self, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
+        """(6,), (6,): what the cable exerts at its end and start at present, SI, in the clamps' frames."""
+        return results.wrenches(rod, self._F, self._units)
+
+    def failed(self, status: Status, message: str, solve_time: float) -> Equilibrium:
+        """A result without numbers."""
+        return results.failed(status, message, solve_time, self.polyline_points)
+
+
+def conditions_of(rod: Rod) -> Conditions:
+    """What the rod is up against at its last equilibrium."""
+    return Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+
+
+def touches(rod: Rod) -> bool:
+    return (isinstance(rod, TouchingRod) and rod.count > 0) or (isinstance(rod, NodalRod) and rod.touches)
+
+
+def _slips(rod: Rod) -> bool:
+    """Whether all contacts slip, and are points: where a patch lies is the past's doing even as it slips."""
+    if not isinstance(rod, TouchingRod):
+        return False
+    points = rod.points[: rod.count]
+    return bool((points[:, SLIPS] == 1.0).all() and (points[:, KIND] == POINT).all())
