@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Build of cable_ros: an ament_python package for colcon, and a plain Python package for pip."""
 
 from glob import glob

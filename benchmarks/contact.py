@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The arm's cable over a ball, 0 to 90 degrees and back: what contact costs, how smooth it is.
 
     OMP_NUM_THREADS=1 taskset -c 0,1 python benchmarks/contact.py [--step 0.1]

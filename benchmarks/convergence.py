@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Order of convergence: error of the end wrench on equal elements of orders 3 to 6, space arm.
 
     python benchmarks/convergence.py --angle 90 --twist -3.69        # a second

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Drawn scenes, one line for each failure as it comes, then the totals.
 
 python benchmarks/drawn.py 60 --seed 1                # scenes 0 to 59

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Drawn scenes with friction against the tests' discrete Coulomb rod, pose by pose.
 
     python benchmarks/drawn_reference.py 20 --seed 1 --segments 150     # the first 20 with friction

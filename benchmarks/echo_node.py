@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node that answers every JointState with a WrenchStamped and solves nothing: the yardstick for latency."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What temperature, stretch and a natural curvature do to the arm's end force; docs/effects.png.
 
 python benchmarks/effects.py --out docs/effects.png

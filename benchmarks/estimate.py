@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How honest the error estimate is: published error_estimate against the error, over random tracked paths.
 
     taskset -c 2,3 python benchmarks/estimate.py --paths 120      # half a minute

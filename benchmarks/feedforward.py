@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Joint error with and without feed-forward, drawn into docs/feedforward.png.
 
     python benchmarks/feedforward.py --out docs/feedforward.png

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The least arithmetic that an equilibrium needs: matrix products, factorisation, solves, nothing else.
 
 Random numbers in arrays of a rod's sizes, straight into BLAS and LAPACK (dgemm, dpbtrf, dpbtrs) with all

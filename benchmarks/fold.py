@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Through a fold: an arch snaps over as its end is turned, and back at another angle.
 
     python benchmarks/fold.py [--out docs]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Heavy hoses led about on rough ground against an independent incremental rod: trusted poses, errors.
 
 python benchmarks/hose_paths.py [NAME ...]        # all of test/data/hose_paths.json, or those named

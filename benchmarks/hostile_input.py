@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Input that means harm: what the command says, how long it takes, how much memory it has at most.
 
     python benchmarks/hostile_input.py    # a table as in docs/input.md

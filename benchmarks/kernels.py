@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same answer on other machines: named scenes under other BLAS kernels and instruction sets.
 
     python benchmarks/kernels.py                          # a few scenes; the last setting compiles

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Round trip of a joint state through cable_node, beside that through a node that solves nothing.
 
     python benchmarks/latency.py                    # 30 s at 1 kHz through each, two cores, log on

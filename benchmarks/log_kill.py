@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SIGKILL at random moments: what the log still holds after recovery.
 
     python benchmarks/log_kill.py         # 50 kills of a process that logs as the node does at 1 kHz

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cables that lie along an obstacle: error against tolerance, and a drum turned under a rod with friction.
 
     python benchmarks/lying.py [--out docs]        # a minute

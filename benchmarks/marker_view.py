@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draws what cable_node publishes on ~/markers, as RViz and Foxglove would, into docs/markers.png.
 
     python benchmarks/marker_view.py --out docs/markers.png

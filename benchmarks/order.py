@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which element: order and quadrature against the time of a step, for the space arm's cable.
 
     taskset -c 2,3 python benchmarks/order.py        # half a minute

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the time of a warm step goes: each compiled function that Python calls, and the Python about them.
 
     python benchmarks/profile_step.py                                  # the space arm

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The published contact with a sphere beside ours: end force, contact force, depth, and where it presses.
 
     python benchmarks/published_contact.py --out docs/published_contact.png      # a minute or two

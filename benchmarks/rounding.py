@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The last bits of the joints: poses of both families solved again with the joints' twelfth digit changed.
 
     python benchmarks/rounding.py --contacts 250 --drawn 250 --seed 1

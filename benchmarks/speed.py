@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Speed and accuracy of the space arm's cable: every figure in one run, medians.
 
     taskset -c 2,3 python benchmarks/speed.py --out docs/speed.csv     # two cores; about five minutes

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same path told otherwise: in 2, 8 and 32 states a leg, and as a trajectory at 50 to 1000 Hz.
 
     python benchmarks/stepping.py 200 --seed 1            # drawn scenes, half of them with friction

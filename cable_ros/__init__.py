@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an externally mounted cable does to its robot, live."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many poses at once: arrays in, arrays out, over one or several processes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Numba's `njit` with a cache that knows all that was compiled into a function, and that may be missing.
 
 Numba keeps compiled code as long as the file that holds the function stays the same. But functions of other

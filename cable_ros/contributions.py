@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What each effect of a scene does at one pose, measured: to the end wrench, and to the time of a solve."""
 
 from __future__ import annotations

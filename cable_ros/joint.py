@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the cables do to the robot's joints: torque, its derivative, where one with backlash comes to rest.
 
 Sign: the torque that the cables exert on the joint, positive along its axis; N m, or N for a prismatic joint.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the installed scenes, launch files and layouts are, however the package was installed."""
 
 from __future__ import annotations

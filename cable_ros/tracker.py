@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Joint angles in, equilibria out: warm start and branch."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compile and load ahead what solves will need, on scenes of our own where a scene comes to it late."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Feed-forward against the cable: what `cable_node` says that the cable does to each joint, taken off again.
 
     python3 examples/feedforward.py --ros-args -p joints:="['orientation']"

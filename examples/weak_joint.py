@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A joint that its cable pushes aside, simulated: to try feedforward.py without a robot.
 
     ros2 run cable_ros cable_node --ros-args -p scene:=space_arm.yaml

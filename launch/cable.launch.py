@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """cable_node beside a running robot.
 
 ros2 launch cable_ros cable.launch.py scene:=/path/to/scene.yaml log:=true rviz:=true

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compile what most tests run before any of them does: `make test` starts this once for each kind of kernels.
 
 Otherwise the first test of each process would wait for the compiler, some longer than a test may take.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every process of a test run has its own ROS domain and log folder, and one thread.
 
 `make test` runs two processes side by side (pytest-xdist); `pytest -n 0` runs all tests in one.

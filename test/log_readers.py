@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages by topic as four readers count them that are not ours; checksums on where a reader has them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages for logs, serialised by a library that is not ours."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rods on fixed contact points in scenes of plain numbers: units of the cable, start clamp's frame."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A robot that may misbehave, keeps what it hears and reads the node's diagnostics."""
 
 from __future__ import annotations

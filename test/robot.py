@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The other side of the node in tests: starts it in a process of its own, moves joints, hears the answers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many poses at once: the same numbers as a tracker's, on any number of processes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a solve among obstacles may cost: it ends by counted work, in an honest report."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tracker against closed forms at every accuracy asked for, and against limits with their orders."""
 
 from __future__ import annotations

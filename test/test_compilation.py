@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled code is kept while its sources stay the same, no longer, with the same bits in all processes."""
 
 from __future__ import annotations

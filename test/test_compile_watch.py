@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What compiling costs is measured, told once, and no part of a solve."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contact against what is known without the solver: closed forms and manufactured cases."""
 
 from __future__ import annotations

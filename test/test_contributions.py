@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable explain`: every effect with its cause, its change and its time, as a table and as JSON."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pages of docs/: links and scripts that are there, commands that are understood, all pages listed."""
 
 from __future__ import annotations

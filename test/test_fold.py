@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Through a fold: what is published before and after, what is reported, and that the energy only falls."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Coulomb friction against what it must come to: a capstan, a cable drawn over the ground either way.
 
 The obstacle moves under a cable between fixed clamps, so where it slides all along the equilibrium is one of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Heavy hoses led about on rough ground: no published force is wrong. All paths: benchmarks/hose_paths.py."""
 
 from __future__ import annotations

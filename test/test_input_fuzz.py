@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Structured mutations of scenes, URDFs and logs: each loads, or gives one sentence of ours, soon.
 
 All are drawn from seeds, so that a failure is named by its number and comes again.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What must not change, and what must change in step: motions, mirror, reversal, units, work."""
 
 from __future__ import annotations

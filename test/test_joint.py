@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Joint load: virtual work, its exact derivative, and the angles at which the paper's joint rests."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Joint load with obstacles that links carry: virtual work, balance of moments, finite differences."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Joint values that the URDF does not allow: told, refused or ignored, and never silently solved."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The package's folders import only what is below them, and no modules import each other in a circle."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cables that lie along an obstacle, against boundary values: the accuracy asked for, and its order."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The package as colcon and pip install it: share files found, executables that run."""
 
 from __future__ import annotations
@@ -217,3 +218,11 @@ def test_every_imported_ros_package_is_declared() -> None:
     files = [*(ROOT / "cable_ros").rglob("*.py"), *(ROOT / "launch").glob("*.py")]
     used = {name for file in files for name in pattern.findall(file.read_text())}
     assert used <= declared
+
+
+def test_every_file_names_its_license() -> None:
+    for folder in ("cable_ros", "launch", "examples", "benchmarks", "test"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            with path.open(encoding="utf-8") as file:
+                head = [file.readline() for _ in range(2)]
+            assert "# SPDX-License-Identifier: Apache-2.0\n" in head, path

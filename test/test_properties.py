@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Properties of any cable, by hypothesis with a fixed budget: verified or reported, never silently wrong."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a person sees of the package in an interpreter."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The README keeps its promises: its examples run, its table of parameters is the node's."""
 
 from __future__ import annotations

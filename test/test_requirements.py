@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What rosdep has no package of: where it is missing, every command says so in a line, and what to do."""
 
 from __future__ import annotations

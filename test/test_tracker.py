@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tracker through the scene format: known equilibria cold, the arm tracked, faults, state."""
 
 from __future__ import annotations

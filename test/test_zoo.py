@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every case of the zoo ends as it must, and every answer on the way is verified."""
 
 from __future__ import annotations

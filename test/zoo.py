@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The zoo: one list of named hard cases that tests and benchmarks share.
 
 `cable bench robustness --zoo test/zoo.py` runs it.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a zoo case may ask of its path beyond verification.
 
 A check takes the steps and returns a sentence where something is wrong.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The zoo's cases of contact: obstacles in the way of the arm's cable, the ground, known shapes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The zoo's hoses: on rough ground, on a robot's arm, and cables that may go to either side.
 
 `PASSING` are counted by the zoo; `OPEN` are run beside it, see `zoo_open.py`.

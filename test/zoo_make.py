@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the zoo's cases are made: scenes of one cable, led by a carriage or by the arm's joint."""
 
 from __future__ import annotations

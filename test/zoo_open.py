@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Named hard cases beside the zoo: too slow for it, or not had yet.
 
     cable bench robustness --zoo test/zoo_open.py

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Baseline: the rod's boundary-value problem handed to `scipy.integrate.solve_bvp`, as a competent user
 would.
 

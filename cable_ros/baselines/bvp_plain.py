@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Baseline: the rod's boundary-value problem as one writes it down from its equations in an afternoon.
 
 State over arc length: position, section quaternion (x y z w), internal force and moment in the start clamp's

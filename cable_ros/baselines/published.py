@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Baseline: the published method, Liu et al. 2018, doi:10.1007/s11071-018-4383-y, equations unchanged.
 
 First-order finite differences of Euler parameters and internal forces, 7 n + 11 equations for 7 n + 7

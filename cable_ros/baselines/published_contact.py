@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Baseline: the published contact with a sphere, (48)-(58) of Liu et al. 2018, equations unchanged.
 
 The nodes that lie inside the sphere when it is not there make the set U (49). Its middle node is put on the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled arithmetic of the published finite differences: residual, analytic Jacobian, banded normal
 matrix.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a baseline takes and returns: one sampled rod, so that any result can start any other solve."""
 
 from __future__ import annotations

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Benchmarks that a user can run: what an equilibrium is worth, checked by independent means."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far the baselines get from a cold start on the cases that we solve."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A robot that can put the end clamp anywhere: three slides, three turns, and a spin about the tangent."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A named case, and what becomes of it: every answer is verified or reported, never silently wrong."""
 
 from __future__ import annotations

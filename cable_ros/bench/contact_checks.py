@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Claimed contacts, checked against the obstacles' definitions and against the rod's own balance."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random cables among random obstacles: what is touched, when, and how, is left to chance."""
 
 from __future__ import annotations

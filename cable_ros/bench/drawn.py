@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes as people draw them, led there and back on round numbers; each is named by a seed and an index.
 
 Random scenes are in general position, and their contacts are points. Drawn ones are planar and symmetric,

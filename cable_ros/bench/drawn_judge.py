@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Drawn scenes solved and judged: true by itself, true as a step, and the same in finer steps.
 
 Without friction an answer is verified as among random obstacles. With friction the forces across the normals

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes as people draw them: planar, symmetric, on round numbers, resting exactly.
 
 Lengths are those of the cable, the drawing's plane is x-z with z up, angles are degrees. The obstacles of a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable bench robustness --drawn N`: a line for each scene that fails, and the table of the family."""
 
 from __future__ import annotations

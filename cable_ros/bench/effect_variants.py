@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One scene after another with one effect more: what each of them costs."""
 
 from __future__ import annotations

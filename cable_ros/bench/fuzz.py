@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random cables, clamps, weights, twists and joint paths; every one is named by a seed and an index."""
 
 from __future__ import annotations

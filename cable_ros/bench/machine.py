@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """On what a benchmark ran: printed, and written into every table and plot."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tables in Markdown, and files that commands keep up to date."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What must not change an answer: the last bits of the joints, and into how many states a path is told.
 
 No reference is needed: two answers of the same tracker are compared. Both take cases as they are listed

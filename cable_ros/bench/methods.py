@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The ways to an equilibrium that are compared: ours, `solve_bvp`, the published method.
 
 Each takes one pose of the robot at a time, warm (from its own last result) or cold, and times nothing but its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Work against precision: what each digit of the end wrench costs, for our solver and for the baselines.
 
 The error of a wrench is the larger of |difference| / |reference| of its force and of its moment. References

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The work-precision diagram and what the default tolerance costs, as one picture."""
 
 from __future__ import annotations

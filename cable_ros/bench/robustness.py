@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable bench robustness`: random cases by the thousand, or a list of named ones; all verified."""
 
 from __future__ import annotations

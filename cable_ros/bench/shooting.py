@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Multiple shooting of the rod's differential equations, in units of the cable and world axes.
 
 The equations (paper, eqs 8, 9, 14-16) go through one step of an explicit eighth-order Runge-Kutta method on

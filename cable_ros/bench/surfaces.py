@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Distances to obstacles, written from their definitions, to check contact with."""
 
 from __future__ import annotations

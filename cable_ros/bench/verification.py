@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A claimed equilibrium, checked by means that share nothing with the solver.
 
 The solver works on strain modes in a weak form. Here the rod's differential equations (paper, eqs

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether there is a way past the obstacles that is as short as a cable, by other means than the solver's.
 
 Any way between the clamps that is shorter than the cable lies in the ellipsoid about them: ways through

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The named hard cases of a Python file, run and written as a table."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One cable in units of its own: its section, its obstacles, and whether anything bars its way."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One cable of a tracker, followed from pose to pose on its branch."""
 
 from __future__ import annotations

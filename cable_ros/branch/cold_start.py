@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cold start: the stable equilibria of one pose, from a fixed list of starts, and meshes for a tolerance."""
 
 from __future__ import annotations

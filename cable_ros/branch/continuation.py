@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Following one branch along a path of conditions, and what happens where it ends."""
 
 from __future__ import annotations

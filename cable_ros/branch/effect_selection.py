@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`effects: auto`: which effects a cable can do without at its tolerance, and when to ask anew."""
 
 from __future__ import annotations

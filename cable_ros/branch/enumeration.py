@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """All stable equilibria of one pose that a search finds: a real cable shows one of them."""
 
 from __future__ import annotations

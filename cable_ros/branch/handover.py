@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From one formulation of contact to the other: `TouchingRod` is exact, `NodalRod` is robust."""
 
 from __future__ import annotations

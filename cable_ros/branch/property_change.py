@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same cable with other properties: its equilibrium followed from the old ones to the new ones."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is read off a rod at an equilibrium, in SI units and in the world."""
 
 from __future__ import annotations

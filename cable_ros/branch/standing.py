@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is known of how a cable came to its equilibrium: losses of its branch, snaps not told yet."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The equilibrium that one cable stands at: what is known of it, and the result that tells it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What several commands read from their arguments: joint values, ranges, tolerances."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable bench robustness`: its arguments."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where `cable sweep` writes: one row for each pose and cable."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable bench`: what a digit costs, against the baselines."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable branches`: the stable equilibria of one pose."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable compile`: what a first start would wait for, at installation."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable demo`: the paper's arm, live: node, joint states, log and pictures."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable explain`: what each effect does at one pose, and what it costs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable log`: what a log holds, and saving what is whole of one that was cut off."""
 
 from __future__ import annotations

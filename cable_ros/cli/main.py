@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `cable` command: every other file of this folder is one of its subcommands."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable plot`: the pictures of a logged run."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable replay`: solve a logged run again, under its own scene or another one."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable sweep`: many poses and parameters to a table or a log."""
 
 from __future__ import annotations

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small things that know nothing of cables, which any folder may use."""

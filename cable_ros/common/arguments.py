@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the commands and the nodes read alike from their command lines."""
 
 from __future__ import annotations

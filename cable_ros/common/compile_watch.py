@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What compiling costs: its time, which is no part of a solve, and a word about it while it lasts.
 
 Whoever imports the solver calls `listen`; until then this file does without Numba. It stands apart from

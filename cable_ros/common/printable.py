@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Texts from files and messages as a terminal may show them: one line, without control characters."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Opens what a user or a scene names only if it is a regular file."""
 
 from __future__ import annotations

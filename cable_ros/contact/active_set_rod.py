@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rod with contact points that come and go, by Newton's method on a changing active set alone."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: the equations of a cable that touches.
 
 The unknowns of a contact point are its normal force and its place, those of the end of a stretch the couple

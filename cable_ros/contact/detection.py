@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: which places of the cable touch, and how they change as its shape does.
 
 Where the gap has a distinct minimum a contact point sits there, at any arc length: a unilateral constraint

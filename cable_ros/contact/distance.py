@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: distance to an obstacle, points of the curve, and what a point force adds to the equations."""
 
 from __future__ import annotations

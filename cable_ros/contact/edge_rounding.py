@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sharp edges made blunt for a descent, and sharp again once the cable has found its place on them.
 
 Across an edge the direction of contact turns within the cable's radius, often a thousandth of its length:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rod with contact points as they stand: the borders they make, and what they say about an equilibrium."""
 
 from __future__ import annotations

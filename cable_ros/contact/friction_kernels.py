@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: Coulomb friction of a contact point.
 
 An elastic-plastic law for the increment since the last equilibrium: stick is a stiff spring, slip a force of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: where contact points sit on the cable, and the boundaries between elements that go with them.
 
 The curvature has a kink under a point force, and the shear force jumps at the ends of a stretch: both want a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Meshes that hold contact points (k, COLUMNS) well; see `contact.points`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: from one equilibrium that touches to the next, by Newton's method on a changing active set."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: equilibrium, contact and Coulomb friction of a rod whose contacts sit at fixed material points.
 
 The rod of `rod.energy_kernels` in a mixed formulation: positions and internal forces are unknowns beside the

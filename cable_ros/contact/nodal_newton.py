@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: Newton's method on the equations of `nodal_kernels`."""
 
 from __future__ import annotations

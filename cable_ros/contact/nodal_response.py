@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the wrenches on clamps and obstacles answer to small motions, for contacts at fixed material points.
 
 The equations of `nodal_kernels` linearised at an equilibrium, J x = b, are solved once for each motion. What

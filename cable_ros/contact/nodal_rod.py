@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cable whose contacts sit at fixed material points: robust, and it keeps friction's history.
 
 `TouchingRod` places contacts at any arc length and adapts its mesh to them: exact, but it can lose its way

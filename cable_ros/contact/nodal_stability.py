@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: whether an equilibrium with contacts at fixed material points is stable, and by how much.
 
 The tangent's stiffness with all forces eliminated, symmetric: rotations psi and positions r are the unknowns,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Groups of arguments of a nodal rod's compiled functions: m elements, n nodes, o obstacles.
 
 Units of the cable, start clamp's frame, quaternions scalar first.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: the tangent of `nodal_kernels.residuals` as a band.
 
 It is exact but for three terms. Friction that slips is changed as by Hueber, Stadler and Wohlmuth (2008), so

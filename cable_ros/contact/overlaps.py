@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a cable meets itself or another: contact between cables is not modelled, but told."""
 
 from __future__ import annotations

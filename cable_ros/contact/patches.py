@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: stretches along which the cable lies on an obstacle, see `contact.points`; how they grow and
 part.
 

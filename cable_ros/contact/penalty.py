@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rod among obstacles that give way: what a descent from any shape is made with."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stable equilibria of a cable that touches, from a descent with soft obstacles that are then made hard."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: the table of contact points.
 
 One row each, see the columns below. A contact is a point, whose place is where the gap has its minimum, or a

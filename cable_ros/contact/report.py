@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a cable touches, as `Equilibrium.contacts` tells it: in the world, in SI units."""
 
 from __future__ import annotations

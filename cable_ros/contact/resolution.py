@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: whether the elements are short enough for what the contacts hold."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the wrenches on clamps and obstacles answer to small motions of clamps and obstacles.
 
 The equilibrium equations of a cable in contact, linearised: H x - W^T y = -b and V x + D y = -c, with the

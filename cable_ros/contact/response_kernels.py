@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: what the linearised equations of a cable in contact are made of; see `contact.response`."""
 
 from __future__ import annotations

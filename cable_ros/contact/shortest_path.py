@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ways past the obstacles: a string pulled tight tells whether a cable is long enough, and where to go."""
 
 from __future__ import annotations

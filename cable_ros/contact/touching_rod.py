@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One cable that may touch obstacles: a rod with contact points, which come and go."""
 
 from __future__ import annotations

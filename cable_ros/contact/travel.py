@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: how far a cable is led from one pose to another."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pictures that the commands draw: cable shapes in three projections, wrenches against a joint.
 
 The figures are made without pyplot, so that they need no display. Everything that comes in is SI;

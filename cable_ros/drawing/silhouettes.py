@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an obstacle looks like from far along a world axis: the outline of its projection."""
 
 from __future__ import annotations

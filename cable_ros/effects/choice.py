@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `effects: auto` has left out of one cable's equations; see `branch.effect_selection`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Obstacles that the cable cannot enter; `contact.touching_rod` holds the equations.
 
 Contact has no unknowns while nothing touches or is about to, whatever a scene calls for.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The radiation dose changes the stiffness, by a table in the scene."""
 
 from __future__ import annotations

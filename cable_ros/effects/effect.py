@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an effect is, and what the equations need to know of one cable."""
 
 from __future__ import annotations

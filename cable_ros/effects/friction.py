@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Friction of the obstacles that the cable touches, by the scene's friction_model."""
 
 from __future__ import annotations

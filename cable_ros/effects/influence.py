@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What temperature and dose share: stiffness factors from a table."""
 
 from __future__ import annotations

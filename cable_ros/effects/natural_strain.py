@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Curvature and twist that the cable has without load, off a drum or from long storage."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which effects a cable has, and what they make of it."""
 
 from __future__ import annotations

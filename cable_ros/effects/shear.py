@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sections that tilt against the centreline under transverse force: what matters for a short, thick cable."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lengthening under tension: what matters for a cable that gets taut."""
 
 from __future__ import annotations

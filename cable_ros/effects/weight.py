@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cable's own weight, a load per length along gravity."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled LU factorisation of a banded matrix with row pivoting.
 
 Row i, column j of the matrix stands at [i, lower + j - i] of an array (n, 3 lower + 1): equal bandwidths

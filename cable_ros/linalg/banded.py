@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled factorisation of symmetric banded systems with a few dense borders.
 
 Row i, column j <= i of the matrix stands at [i, b + j - i] of an array (n, b + 1). The factorisation

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: the saddle system of the rod's Hessian and its conditions, factored once and solved often.
 
 The Hessian is banded; the end position's derivative and whatever else holds the rod are a few dense borders.

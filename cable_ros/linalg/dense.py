@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: small dense systems, by elimination as it is written.
 
 Of a hundred unknowns at most, for which a library's threads take longer to start than the work does.

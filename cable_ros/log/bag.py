@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The record by which rosbag2 knows a lone MCAP file: its own `metadata.yaml`, stored inside the file."""
 
 from __future__ import annotations

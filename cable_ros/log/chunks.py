@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the chunks of an MCAP file hold, opened without trusting what they say about their size."""
 
 from __future__ import annotations

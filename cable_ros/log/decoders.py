@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From the bytes of a logged message to its fields, with whatever library is there."""
 
 from __future__ import annotations

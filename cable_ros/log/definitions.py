@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Texts and hashes of ROS message types, as MCAP schemas of encoding 'ros2msg' want them."""
 
 from __future__ import annotations

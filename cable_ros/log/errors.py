@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What goes wrong with a log, as sentences that say what to do about it."""
 
 from __future__ import annotations

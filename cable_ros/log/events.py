@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a log holds besides messages of topics: enough to repeat every solve, bit for bit.
 
 A tracker's result depends on its history (warm start, branch), so the log holds, in the order in which

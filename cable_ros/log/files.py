@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A log as a file to read: regular, with the magic of MCAP, and never read beyond its end."""
 
 from __future__ import annotations

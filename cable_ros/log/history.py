@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A logged run as arrays: what was solved, and what the cables did to their links."""
 
 from __future__ import annotations

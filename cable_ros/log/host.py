@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Facts about this machine and installation that a later reader of a log needs to reproduce it."""
 
 from __future__ import annotations

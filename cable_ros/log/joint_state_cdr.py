@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The little of CDR that the log has to know itself."""
 
 from __future__ import annotations

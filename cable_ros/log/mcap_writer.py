@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes MCAP with little work per message: the thread that logs shares its interpreter with one in a hurry.
 
 A message is packed at once; what concerns a chunk as a whole is done when it is written, mostly by calls that

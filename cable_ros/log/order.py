@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The messages of an MCAP file in order of time or as they were written, from chunks that are not trusted."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One MCAP file of a log, laid out as rosbag2 lays it out."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Quality of service of a logged topic, in the YAML of rosbag2 since Jazzy (metadata version 9)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads a log: messages as bytes or decoded, and the scene, URDF and parameters that came with them."""
 
 from __future__ import annotations

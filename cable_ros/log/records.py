@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The records of an MCAP file one after the other, as far as they are whole."""
 
 from __future__ import annotations

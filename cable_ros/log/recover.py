@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Saves what is whole of a log whose writer was killed, or whose disk was full, into a new, indexed file."""
 
 from __future__ import annotations

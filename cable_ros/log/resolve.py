@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Solves a logged run again and compares every wrench with the logged one."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a log says a tracker did: every solve with its wrenches, and what changed the tracker between."""
 
 from __future__ import annotations

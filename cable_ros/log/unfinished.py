@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A file that has its own name only once it is whole."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes messages to MCAP files from a thread of its own, so that the caller never waits for a disk."""
 
 from __future__ import annotations

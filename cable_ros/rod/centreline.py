@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: points and tangents of a rod's centreline, from its nodal frames."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: how both clamps' wrenches answer to small motions of the clamps, from the factored tangent."""
 
 from __future__ import annotations

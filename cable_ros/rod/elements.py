@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The reference element of the rod and the meshes made of it.
 
 The section frame is interpolated by a unit quaternion: Lagrange polynomials of order `p` through the

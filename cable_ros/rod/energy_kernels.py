@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled arithmetic of the rod: energy, its gradient and its exact Hessian.
 
 Everything is in units of the cable (length 1, see `units.py`) and in the start clamp's frame. Quaternions are

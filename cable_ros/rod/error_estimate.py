@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: what is known about a solution beyond its numbers: stability margin and error estimate.
 
 The arrays are those of `Rod` (rod.py); `fine` and `bubble` are `elements.enrichment`.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One cable that lengthens and shears under its force: its end position answers to that force, too."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: what stretch and shear add to the rod's Lagrangian, its gradient and Hessian.
 
 By complementary energy, so that there is no strain to solve for: with the internal force b = R^T G in the

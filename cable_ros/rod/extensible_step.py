@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: the warm-started step of a rod that stretches and shears, and what it is made of.
 
 The arrays are those of `StretchingRod` (stretching.py).

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shapes to start from: curves of the right length between the clamps, with frames of a chosen twist."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One cable between two clamps, discretised: the problem that the trust region solves."""
 
 from __future__ import annotations

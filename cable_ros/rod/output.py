@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: what an equilibrium says in SI units and in the world: wrenches and polyline."""
 
 from __future__ import annotations

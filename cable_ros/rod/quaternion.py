@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled quaternion arithmetic, scalar first; ROS's x y z w is turned at the border (`from_ros`)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SI to units of the cable and back; world to the start clamp's frame and back."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled: the warm-started step; and, under one name, all that a rod's owner calls of the compiled statics.
 
 The arrays that these functions share are those of `Rod` (rod.py); `tables` are `ReferenceElement.tables`.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable_node`: joint states in; end wrenches, joint load, polylines, markers, diagnostics and a log out."""
 
 from __future__ import annotations

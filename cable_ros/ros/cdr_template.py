@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """CDR, the wire format of ROS 2 messages: serialise once, then overwrite the numbers in place.
 
 Plain CDR as DDS and MCAP carry it: a header of four bytes, then every primitive aligned to its own size,

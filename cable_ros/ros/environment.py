@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Temperatures and radiation doses from their topics, for cables whose stiffness depends on them."""
 
 from __future__ import annotations

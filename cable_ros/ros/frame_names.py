@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Names of the frames that messages have as their frame_id."""
 
 from __future__ import annotations

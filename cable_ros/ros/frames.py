@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The constant transforms of the clamps on /tf_static."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the node says about itself: one diagnostics entry for the joint states and one for the log."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The joint states' way in, past the executor while they come fast."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plays the robot: publishes joint states and waits for what the cable node answers."""
 
 from __future__ import annotations

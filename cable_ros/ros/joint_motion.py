@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tells jumps of joints: between two stamps they went farther than their velocity limits allow."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Joint states in: several publishers, partial messages, any order, and what can be wrong with them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a program with a node ends: by SIGINT or SIGTERM at any moment, cleanly and once.
 
 rclpy answers a signal from a thread of its own, which ends the context whenever it gets to it: also between

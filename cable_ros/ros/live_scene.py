@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A scene that is being tracked: joint states in, messages out, in the order in which they matter."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What RViz and Foxglove show: a cable as a tube coloured by its bending moment, its end forces as arrows."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The messages that the node sends at the rate of the joint states, as templates filled in place.
 
 Building such a message field by field and having it serialised takes up to 900 us (a path of 101 poses);

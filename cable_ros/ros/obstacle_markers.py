@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The obstacles of a scene as RViz and Foxglove show them."""
 
 from __future__ import annotations

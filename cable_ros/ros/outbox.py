@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Everything that leaves the node: published at once, and the same bytes logged when all is out."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's parameters: what they mean, what they may be, and which can change while it runs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiling beside the executor, which meanwhile answers parameters and services and reports."""
 
 from __future__ import annotations

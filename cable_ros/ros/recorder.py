@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's log: on or off, and never in the way of publishing."""
 
 from __future__ import annotations

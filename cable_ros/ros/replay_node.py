@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Replays a log: the logged bytes, with the logged timing and quality of service.
 
 `ros2 run cable_ros cable_replay LOG [--rate R] [--loop] [--topics ...] [--start S] [--duration D] [--clock]`

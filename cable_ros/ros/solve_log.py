@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Solves as a log like the node's: for Foxglove, `ros2 bag play`, `cable plot` and `cable replay`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The executables that have a node: what is missing is told in a sentence, not by an import that fails."""
 
 from __future__ import annotations

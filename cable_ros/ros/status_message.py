@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`~/status`: may a controller use what was published for a joint state? Sent for every one that is solved.
 
 A `diagnostic_msgs/DiagnosticArray`, as no other common interface has a stamp and, by name, values of several

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A logged run solved under another scene, as a log like the node's."""
 
 from __future__ import annotations

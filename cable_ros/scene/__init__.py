@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What there is: the scene file, and where its clamps and obstacles are."""
 
 from cable_ros.scene.errors import SceneError

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How much a scene and a URDF may hold: far more than any robot needs, and what can be read in seconds."""
 
 MOST_SCENE_CHARACTERS = 200_000

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a mistake in a scene is told."""
 
 from __future__ import annotations

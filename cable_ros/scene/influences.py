@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the stiffness of a cable depends on: temperature and radiation dose, as tables in the scene."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the URDF says that a joint can do: where it ends, and how fast it is."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where clamps and obstacles are for given joint values, and how they move; kinematics by Pinocchio."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A scene from YAML or from a mapping; every mistake is one sentence with file, field and remedy."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What there is: cables, their mounts and the robot that moves them. SI units, quaternions x y z w."""
 
 from __future__ import annotations

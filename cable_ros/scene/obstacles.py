@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a cable can touch: shapes fixed in the world or on a link of the robot, and how a scene gives them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Typed reading of one mapping of a scene, every mistake told with its place."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """YAML text to plain values, with every slip of the text as a sentence.
 
 The values follow YAML 1.2: `6.70e6` and `1e-3` are numbers, `on` and `no` are words, and `010` is ten.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The part of a URDF that the clamps need: the chains of joints from the root to their links."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A URDF as a tree: its XML, and what its links and joints must be for one."""
 
 from __future__ import annotations

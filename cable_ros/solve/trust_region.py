@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Trust-region minimisation under equality constraints, by sequential quadratic programming.
 
 The problem is any object with the methods of `Problem`: points on a manifold, a few constraints, a metric.

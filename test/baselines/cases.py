@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The space arm's cable, and independently computed equilibria to compare with (SI, world axes).
 
 End force and moment are what the clamp exerts on the cable; computed by a spectral homotopy refined with

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The judge of contacts: right on what is known, and not to be fooled."""
 
 from __future__ import annotations

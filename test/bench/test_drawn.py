@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Drawn scenes: always the same, possible, and judged by what came before."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable bench robustness`: what it counts, prints and writes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The verification itself: it must find closed forms, tell stable from unstable, and refuse wrong claims."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether there is a way past the obstacles: as geometry says, and no claim about it passes unchecked."""
 
 from __future__ import annotations

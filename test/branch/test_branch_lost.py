@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A branch that was lost is told at every pose until it is known again, and nothing of it is trusted."""
 
 from __future__ import annotations

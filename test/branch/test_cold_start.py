@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cold search: which equilibria it finds, and on what meshes it puts them."""
 
 from __future__ import annotations

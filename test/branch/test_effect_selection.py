@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`effects: auto` leaves out what does not matter and notices a change; absent effects cost nothing."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable branches`: table, JSON, picture, exit codes."""
 
 from __future__ import annotations

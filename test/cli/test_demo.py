@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable demo` with the real node in a process of its own, and what it says when the node fails."""
 
 from __future__ import annotations

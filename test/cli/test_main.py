@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command's frame: help, version, sentences instead of tracebacks, pipes that close."""
 
 from __future__ import annotations

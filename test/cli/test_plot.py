@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable plot`: what it reads from a log and what it chooses to draw."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable solve`: numbers, JSON, exit codes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`cable sweep`: the rows it writes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Distances to obstacles against sampled surfaces, their derivatives, and the curve between the nodes."""
 
 from __future__ import annotations

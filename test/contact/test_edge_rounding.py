@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Blunt obstacles: the same faces, rounded edges, and never more of them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Meshes for contact points: a boundary at each, and no element without length."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a twin of fewer cells tells about the error, for a cable that lies on the ground.
 
 Where it touches at single points the estimate can be far too small: both grids may have a place at the same

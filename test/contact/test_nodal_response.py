@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stiffness of a rod on fixed contact points against differences of solves."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rod on fixed contact points: order of convergence, invariances, friction's history, falls."""
 
 from __future__ import annotations

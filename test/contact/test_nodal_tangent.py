@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Residuals of a rod on fixed contact points against their plain twin; their tangent against differences."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cables that meet themselves or each other are flagged; those that keep apart, or share a clamp, are not."""
 
 from __future__ import annotations

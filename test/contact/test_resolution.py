@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is told of elements too long for what contacts hold, and of friction between its samples."""
 
 from __future__ import annotations

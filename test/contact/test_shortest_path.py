@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A string pulled tight among obstacles: as long as geometry says."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pictures: that they draw what they are given, to scale. How they look is for people to judge."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Outlines of obstacles against the definition of the shapes: points of the surface, and nothing beyond."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cable that is curved and twisted without load: closed forms, mirror and reversal."""
 
 from __future__ import annotations

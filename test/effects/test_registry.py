@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which effects a scene calls for, and cables that follow their environment."""
 
 from __future__ import annotations

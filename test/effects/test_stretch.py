@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stretch and shear: closed forms, a Cosserat rod integrated by other means, taut cables, derivatives."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Band LU against LAPACK's, on matrices that need their rows swapped and on ones that are scaled badly."""
 
 from __future__ import annotations

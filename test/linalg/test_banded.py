@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The banded factorisation against dense linear algebra."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The saddle system of a rod, with few and with many borders, against dense linear algebra."""
 
 from __future__ import annotations

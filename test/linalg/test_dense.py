@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small dense systems against LAPACK."""
 
 from __future__ import annotations

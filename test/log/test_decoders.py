@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Logs are decoded by mcap-ros2-support, or by rclpy where there is only that; both say the same."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Schemas, QoS and the log's own messages, each against what a library or ROS itself makes of them."""
 
 from __future__ import annotations

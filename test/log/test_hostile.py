@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Logs that mean harm: what they hold is bounded before it is allocated, and each gets one sentence."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A writer that is killed loses at most the chunk that was open."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Our MCAP writer against the mcap package's: what its readers find in either file is the same."""
 
 from __future__ import annotations

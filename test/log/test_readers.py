@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The log as four readers see it that are not ours: all count the same, checksums on."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recovery keeps every chunk that is whole, wherever the file was cut or damaged."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A logged run solved again: the same bits, and an honest report where they are not."""
 
 from __future__ import annotations

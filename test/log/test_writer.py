@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The writer: what goes in comes out, files are never overwritten, and a bad disk stops only the log."""
 
 from __future__ import annotations

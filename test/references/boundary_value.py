@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Planar rod under a uniform load by collocation (scipy.integrate.solve_bvp), in the XY plane."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contact, manufactured: a touching stretch of known curvature with a free span on either side.
 
 Everything lies in the XY plane, weight along -Y, units of the cable inside. Along the touching stretch (angle

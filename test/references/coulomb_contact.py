@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contact of one node of `coulomb_rod` with one obstacle: distance and Alart and Curnier's friction."""
 
 from __future__ import annotations

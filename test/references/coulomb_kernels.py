@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The discrete rod of `coulomb_rod`: residual, Jacobian, banded elimination and the semismooth Newton loop.
 
 Units of the cable (length 1, forces in EI / L^2). Segment j (0..n-1) has the frame q_j (quaternion, scalar

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rod led along a path with unilateral contact and Coulomb friction: a fine discrete rod, step by step.
 
 Independent of the solver: chords of equal length with section frames (Lagrange multipliers keep them

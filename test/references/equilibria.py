@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The 25 equilibria of data/equilibria.json: a spectral homotopy refined by collocation to 1e-10."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rod that lies along an obstacle between given clamps: boundary-value problems with free lift-offs.
 
 Planar, in the XY plane, weight along -Y. The manufactured cases of `contact` say where their clamps come to

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Heavy hoses on rough ground, the lifted end led about: paths, scenes and references by `coulomb_rod`.
 
     python -m references.hose_paths [--resume]       # from test/; writes data/hose_paths.json, 30 minutes

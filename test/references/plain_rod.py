@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The discrete rod in plain NumPy, straight from its definition: the compiled kernels' plain twin.
 
 Slow and short. Every function takes complex arrays too, so that derivatives come exact to rounding by

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Planar elastica in closed form (Love, Treatise on Elasticity, ch. XIX), as clamped-clamped cases.
 
 In the XY plane with EI theta'' = F_x sin(theta) - F_y cos(theta) and F = -P (cos a, sin a), the angle

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One equilibrium known by other means: what to give the program and what must come out."""
 
 from __future__ import annotations

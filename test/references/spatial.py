@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Helices, twisted straight rods, and the two limits of a cable's weight: beam and catenary."""
 
 from __future__ import annotations

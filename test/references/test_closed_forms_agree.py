@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The closed forms against direct integration of the rod's equations: one must find what the other states."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The contact references: admissible, in balance, and agreeing where two of them meet."""
 
 from __future__ import annotations

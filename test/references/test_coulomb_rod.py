@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The incremental rod against other references: free cables, a drum, the ground, its own mirror image."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rods along obstacles between given clamps: two methods agree, and known limits are reached."""
 
 from __future__ import annotations

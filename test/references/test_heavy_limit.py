@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The catenary with boundary layers against collocation, with the order of its limit."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Elements and meshes: what their polynomials and quadratures hold exactly."""
 
 from __future__ import annotations

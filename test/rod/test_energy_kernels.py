@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The compiled kernels against their plain twin, derivatives by the complex step."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The discrete rod: order of convergence, error estimate, stability margin, warm-started steps."""
 
 from __future__ import annotations

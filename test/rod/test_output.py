@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The compiled polyline against its plain twin: SciPy's rotations and Simpson's rule."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled quaternions against SciPy's rotations."""
 
 from __future__ import annotations

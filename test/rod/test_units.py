@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Units of the cable and the start clamp's frame."""
 
 from __future__ import annotations

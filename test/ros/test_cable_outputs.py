@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The diagnostic level of a result."""
 
 from __future__ import annotations

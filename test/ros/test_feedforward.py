@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The example of a controller: what it commands, and what a joint gains by it whose cable is the solver's."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Joint states as bytes: merged by name from several publishers, and counted."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The launch file, against stand-ins for launch and launch_ros: the ROS wheels lack both."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The layouts for RViz and Foxglove and the parameter file name what the node has."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Signals at the moments when rclpy's own answer to them is under way."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The marker view: where the tube, the arrows and the obstacles are, and that rclpy writes the same bytes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every message that the node fills in place, byte for byte what rclpy makes of the same message.
 
 But for padding, which rclpy leaves as its buffer happened to be and the node sets to zero.

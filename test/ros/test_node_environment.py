@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Temperature and dose from their topics: a real node stiffens its cable, and its log solves again."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What can go wrong around a real node: each fault has its sentence, and answers are right afterwards."""
 
 from __future__ import annotations

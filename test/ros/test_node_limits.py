@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Joint values and jumps that the URDF does not allow, at a real node."""
 
 from __future__ import annotations

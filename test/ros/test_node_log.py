@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the real node logs: everything it published, readable by others, and solved again bit for bit."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Services of a real node, and what it sends only while somebody listens."""
 
 from __future__ import annotations

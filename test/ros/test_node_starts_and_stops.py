@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a real node starts, with what it refuses to, what it waits for, and how it stops."""
 
 from __future__ import annotations

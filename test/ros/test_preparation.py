@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a real node does while it compiles, or loads what is compiled."""
 
 from __future__ import annotations

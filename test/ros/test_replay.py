@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """cable_replay as a process of its own, heard by a node of ours: same bytes, same order, clean stop."""
 
 from __future__ import annotations

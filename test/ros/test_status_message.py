@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`~/status`: bytes as rclpy has them, and what they say of cables that can and cannot be trusted."""
 
 from __future__ import annotations

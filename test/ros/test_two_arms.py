@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two arms side by side: real nodes in two namespaces; topics, frames, logs and diagnostics told apart."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes and URDFs that mean harm, or are far too much: one sentence each, soon, and little memory."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the clamps are: against the paper's formula, plain trigonometry and finite differences."""
 
 from __future__ import annotations

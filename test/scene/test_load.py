@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes: what is read, and the sentence for each mistake."""
 
 from __future__ import annotations

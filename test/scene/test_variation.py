@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same scene with other numbers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The trust region on small problems with minima known by hand, and what it does where there is none."""
 
 from __future__ import annotations
