@@ -24,8 +24,8 @@ BEYOND = 0.02
 CARRY, LAST = 0.05, 1e-3
 """Part of the longest step below which a rod that fails is replaced: one that lies on something that rubs,
 and any other, which mostly gets there in small steps."""
-CARRY_WORK = 25_000
-"""Work, iterations times unknowns, after which the first kind is: about 50 ms."""
+CARRY_WORK = 60_000
+"""Work, iterations times unknowns, after which the first kind is: about 120 ms."""
 LAST_WORK = 0.5
 """Part of the budget after which the second kind is."""
 LEAST = 1e-9
