@@ -44,6 +44,8 @@ of the margin from the last step's distance; cables away from folds have 0.1 to 
 FOLD = 10.0
 """A fold is shown if the margin's square, falling as measured, is 0 within this many of the last steps; at
 folds of free cables it was within 0.3 to 1.7."""
+FREE_TO_TURN = 10.0 * NEUTRAL
+"""Margin below which an equilibrium is one of many that turn freely into each other."""
 ASIDE = 5e-12
 """Size, root of the elastic energy, of the rotation, always the same one, that a fall starts with: above
 rounding, below what the energy shows."""
@@ -93,7 +95,7 @@ class Fall:
     def folded(self) -> bool:
         """Whether the branch ended: its stability margin ran to 0 there, and at a fold the energy fell."""
         falls = self.energy_after < self.energy_before
-        gone = self.to_fold <= FOLD or self.margin < 10.0 * NEUTRAL  # the latter: free to turn
+        gone = self.to_fold <= FOLD or self.margin < FREE_TO_TURN
         return self.crossed or (self.margin <= SMALL and gone and falls)
 
 
@@ -159,9 +161,8 @@ def walk(
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
         spent = given - rod.work
-        hard = step * 0.5 < CARRY * longest or spent > CARRY_WORK
-        if not rod.lies:
-            hard = step * 0.5 < LAST * longest or spent > LAST_WORK * given
+        smallest, most = (CARRY, CARRY_WORK) if rod.lies else (LAST, LAST_WORK * given)
+        hard = step * 0.5 < smallest * longest or spent > most
         if carrier is not None and (hard or not rod.refactor(q, F)):
             carried, carrier = carrier(rod, q, F), None
             if carried is not None:

@@ -71,14 +71,12 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
         result = descend(new, q, rod.state.F[-1], SETTLE, stage)
         left = new.work
-        rod.tried += 1  # if this is not it, and no budget is left, the next pose goes on with the next
-        if result is None:
-            continue
-        found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
-        found, estimate = refine(found, tolerance)
-        if estimate <= tolerance and _same(rod, found):
-            rod.tried -= 1
-            return found
+        if result is not None:
+            found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
+            found, estimate = refine(found, tolerance)
+            if estimate <= tolerance and _same(rod, found):
+                return found
+        rod.tried += 1  # if no budget is left, the next pose goes on with the next
     return None
 
 

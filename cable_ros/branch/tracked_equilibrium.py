@@ -18,7 +18,7 @@ from cable_ros.branch.cold_start import (
     Found,
     refine,
 )
-from cable_ros.branch.continuation import Fall
+from cable_ros.branch.continuation import FREE_TO_TURN, Fall
 from cable_ros.branch.standing import Standing, alone, motion
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
@@ -28,7 +28,6 @@ from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.effects.choice import Choice
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Overlap, Status
-from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.scene import Cable
 
@@ -148,7 +147,7 @@ class TrackedEquilibrium(CableModel):
                 sinks = rod.unresolved(self._q, LENIENT).any()
                 if (rod.forgot or sinks or self._estimate > self.tolerance) and self._carried(*before):
                     return self._finish(status, message, iterations, poses, begin)
-            beside = rod.clamp_errors(self._q, self._F).max()
+                beside = rod.clamp_errors(self._q, self._F).max()
             self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
             if self._estimate > self.tolerance and self._carried(rod, self._q, self._F):
                 return self._finish(status, message, iterations, poses, begin)
@@ -168,7 +167,7 @@ class TrackedEquilibrium(CableModel):
         if rod.forgot:
             self._lose("friction was forgotten in a change of the mesh")
         unit, standing = self._units, self._standing
-        if self._margin < 10.0 * NEUTRAL and status is Status.CONVERGED:
+        if self._margin < FREE_TO_TURN and status is Status.CONVERGED:
             message = FREE
         if standing.loss is not None:
             status, message = Status.BRANCH_LOST, standing.loss.message

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mcap import records
 from mcap.exceptions import McapError
@@ -28,6 +28,8 @@ MOST_ATTACHED = 64 << 20
 MOST_ATTACHMENTS = 1000
 """Bytes of all attachments together, and how many of them, and of records of metadata, are read."""
 MOST_SCHEMA_BYTES = 1 << 18
+
+Record = TypeVar("Record", bound=records.McapRecord)
 
 
 @dataclass(frozen=True)
@@ -97,28 +99,24 @@ class LogReader:
             raise self._damaged(error) from None
 
     def _attachments(self, summary: Summary) -> dict[str, str]:
-        if len(summary.attachment_indexes) > MOST_ATTACHMENTS:
-            raise ChunkError(f"it has more than {MOST_ATTACHMENTS} attachments")
-        out, left = {}, MOST_ATTACHED
-        for index in summary.attachment_indexes:
-            body = self._body(index.offset, left)
-            left -= len(body)
-            attachment = parsed(records.Attachment, body)
-            assert isinstance(attachment, records.Attachment)
-            out[attachment.name] = attachment.data.decode(errors="replace")
-        return out
+        found = self._indexed(summary.attachment_indexes, records.Attachment, "attachments")
+        return {one.name: one.data.decode(errors="replace") for one in found}
 
     def _metadata(self, summary: Summary) -> dict[str, dict[str, str]]:
-        if len(summary.metadata_indexes) > MOST_ATTACHMENTS:
-            raise ChunkError(f"it has more than {MOST_ATTACHMENTS} records of metadata")
-        out, left = {}, MOST_ATTACHED
-        for index in summary.metadata_indexes:
+        found = self._indexed(summary.metadata_indexes, records.Metadata, "records of metadata")
+        return {one.name: dict(one.metadata) for one in found}
+
+    def _indexed(self, indexes: Sequence[Any], kind: type[Record], called: str) -> Iterator[Record]:
+        """The records of one kind that the summary's `indexes` name."""
+        if len(indexes) > MOST_ATTACHMENTS:
+            raise ChunkError(f"it has more than {MOST_ATTACHMENTS} {called}")
+        left = MOST_ATTACHED
+        for index in indexes:
             body = self._body(index.offset, left)
             left -= len(body)
-            record = parsed(records.Metadata, body)
-            assert isinstance(record, records.Metadata)
-            out[record.name] = dict(record.metadata)
-        return out
+            record = parsed(kind, body)
+            assert isinstance(record, kind)
+            yield record
 
     def _body(self, offset: int, most: int) -> bytes:
         """What is in the record at `offset`."""
