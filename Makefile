@@ -1,5 +1,6 @@
 # make setup   .venv with the package, its Jazzy wheels and the tools      make test   lint, types, all tests
 # make demo    the arm live, an MCAP log and plots in demo/                make lint   only lint and types
+# make docs    the site of docs/ in build/site/; a warning is an error
 # make test-fast   under a minute, without ROS: at every save
 # make test-noble   what a robot with Ubuntu 24.04 runs, with the versions that it has; needs Python 3.12. Not in
 #             .ci/run: a second environment and ten minutes are more than there is time for
@@ -10,7 +11,7 @@ SHELL := bash
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.cable_ros_installed
-EXTRAS := ros,robot,plot,parquet,dev
+EXTRAS := ros,robot,plot,parquet,docs,dev
 LOGS := $(CURDIR)/build/ros_log
 
 # Contact and friction once more with other kernels of BLAS and for no particular processor: no last bit counts.
@@ -27,7 +28,7 @@ FAST_TESTS := test/linalg test/solve test/scene test/rod test/effects test/conta
 # Tests in this many processes side by side; pytest -n 0, or no -n, is one. test/conftest.py groups them.
 WORKERS := 2
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup
-COMPILE := $(BIN)/python test/compile_first.py
+COMPILE := $(BIN)/python -m cable_ros.cli.main compile
 
 # Ubuntu 24.04's packages; but matplotlib, 3.6.3 there, has no wheel for Python 3.12 before 3.8, and Numba is the
 # oldest that runs on 3.12. Pinocchio is the newest that takes this NumPy.
@@ -51,7 +52,7 @@ find_python = for python in $(PYTHON) python3 python3.12 python3.11 python3.13 p
 	"$$python" -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
 	2>/dev/null && { command -v "$$python"; break; }; done; true
 
-.PHONY: setup test test-fast test-noble lint demo clean
+.PHONY: setup test test-fast test-noble lint docs demo clean
 
 setup: $(STAMP)
 
@@ -76,12 +77,16 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+docs: setup
+	PYTHONPATH=$(CURDIR) $(BIN)/python docs/reference.py --check
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
 # Without npm, or without its registry, the test that wants this skips.
 node_modules:
 	@npm install --prefix . --silent --no-save --no-package-lock --fetch-retries=0 --fetch-timeout=20000 \
 		@mcap/core@2 fzstd@0.1 2>/dev/null || true
 
-test: lint node_modules
+test: lint docs node_modules
 	@mkdir -p "$$ROS_LOG_DIR"
 	@echo "Compiling for two kinds of kernels: some minutes if the compiled files have changed"
 	$(OTHER_KERNELS) $(COMPILE) & other=$$!; $(COMPILE); compiled=$$?; wait $$other && exit $$compiled

@@ -25,6 +25,8 @@ ROS_JAZZY = [
 # finds no test and is content.
 TEST = ["pytest>=7.4", "pytest-timeout", "hypothesis"]
 
+CLUSTER = ["distributed"]  # brings dask of the same version
+
 setup(
     name=PACKAGE,
     version="0.1.0",
@@ -50,9 +52,13 @@ setup(
         "robot": ["pin"],
         "plot": ["matplotlib"],
         "parquet": ["pyarrow"],
+        "cluster": CLUSTER,
+        # Material for MkDocs, the last that builds with MkDocs 1; latex2mathml for the equations.
+        "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5,<10", "latex2mathml>=3.77"],
         "test": TEST,
         "dev": [
             *TEST,
+            *CLUSTER,
             "pytest-xdist>=3.6",
             "rosbags",
             "colcon-common-extensions",

@@ -17,6 +17,7 @@ from cable_ros.bench.cases import run_case
 from cable_ros.bench.contact_fuzz import contact_case
 from cable_ros.bench.drawn import drawn_case
 from cable_ros.bench.drawn_judge import FINER, Drawn, run_drawn
+from cable_ros.bench.drawn_scenes import KINDS
 from cable_ros.bench.drawn_table import ALL, HEAD, count, lines, poses
 from cable_ros.bench.markdown import markdown_table
 
@@ -28,7 +29,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--tolerance", type=float, default=1e-4)
     parser.add_argument("--only", action="store_true", help="the numbers are indices; every pose is told")
-    parser.add_argument("--kind", help="only scenes of this kind, such as hose")
+    parser.add_argument("--kind", choices=KINDS, help="only scenes of this kind")
     parser.add_argument("--most", type=int, default=10_000, metavar="N", help="only paths of up to N poses")
     parser.add_argument("--quick", action="store_true", help="leave out the finer paths")
     args = parser.parse_args()
@@ -37,8 +38,8 @@ def main() -> int:
     done: list[Drawn] = []
     began = time.perf_counter()
     for index in indices:
-        case = drawn_case(args.seed, index, args.tolerance)
-        if len(case.path) > args.most or not case.expected.startswith(args.kind or ""):
+        case = drawn_case(args.seed, index, args.tolerance, args.kind)
+        if len(case.path) > args.most:
             continue
         one = run_drawn(case, 1 if args.quick else FINER)
         done.append(one)

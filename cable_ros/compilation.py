@@ -6,6 +6,10 @@ files are inlined into it, and constants of other files frozen: after an update 
 another, old code would go on silently, or end in an error where old and new meet. Here compiled code is kept
 as long as the file and all files of this package that it imports, directly or not, stay the same.
 
+Numba copies into a function all that it calls, and optimises and keeps the copies again. Here that is left
+to `LEAF` functions. All others are compiled once and called; kept code names those that it calls, which are
+loaded before it. Nor does an argument that is a literal get code of its own.
+
 Whoever uses it keeps to the arithmetic that is written, without `fastmath`. Each function's compiled code
 brings its own copies of the functions that it calls, and those loaded first serve all: where an optimiser may
 reorder sums, each copy does so in its own way, and the last bit of a result depends on what a process loaded
@@ -20,14 +24,18 @@ import re
 import warnings
 from collections.abc import Callable
 from functools import cache as memoized
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import llvmlite.binding as llvm
 import numba
+from numba.core.types.misc import unliteral
 
 PACKAGE = Path(__file__).parent
 LEAF: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
-"""Options of functions that make no arrays and return none, all that are called often and briefly.
+"""Options of functions that make no arrays and return none, all that are called often and briefly: they are
+copied into their callers.
 
 Numba counts references to arrays: each one that a function takes, or takes a slice of, costs atomic
 additions, altogether more than the arithmetic of a point or two. Such functions need no count: their caller's
@@ -45,6 +53,8 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     Where no folder can be written, code is compiled anew in each process, after one RuntimeWarning.
     """
+    options["no_cfunc_wrapper"] = True  # nobody calls through a C function pointer
+    copied = not options.get("_nrt", True)
 
     def decorate(function: Callable[..., Any]) -> Any:
         try:
@@ -53,9 +63,12 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             if not options.get("cache"):
                 raise
             warnings.warn(_NO_FOLDER, RuntimeWarning, stacklevel=1)  # one place: shown once
-            return numba.njit(**{**options, "cache": False})(function)
-        # none without caching; with NUMBA_DISABLE_JIT the dispatcher is the function itself
-        cache = getattr(dispatcher, "_cache", None)
+            dispatcher = numba.njit(**{**options, "cache": False})(function)
+        if dispatcher is function:  # NUMBA_DISABLE_JIT
+            return function
+        _take_literals_as_others(dispatcher)
+        _link(dispatcher, copied)
+        cache = getattr(dispatcher, "_cache", None)  # none without caching
         file = getattr(cache, "_cache_file", None)
         if cache is not None and file is not None:
             file._source_stamp = file._source_stamp, stamp(Path(function.__code__.co_filename))
@@ -63,6 +76,63 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         return dispatcher
 
     return decorate
+
+
+class Callee(NamedTuple):
+    """A compiled function that others call, not copy."""
+
+    module: str
+    name: str
+    arguments: tuple[Any, ...]
+    """Their types."""
+
+
+_CALLEES: dict[str, Callee] = {}
+"""By their symbols, those whose code is in this process."""
+_CALLS: dict[str, dict[str, Callee]] = {}
+"""What the code of a symbol calls."""
+
+
+def _take_literals_as_others(dispatcher: Any) -> None:
+    """An int is an int: `f(x, 3)` and `f(x, n)` call the same code."""
+    inherited = dispatcher.get_call_template
+
+    def get_call_template(arguments: Any, keywords: Any) -> Any:
+        plain = {name: unliteral(one) for name, one in keywords.items()}
+        return inherited(tuple(unliteral(one) for one in arguments), plain)
+
+    dispatcher.get_call_template = get_call_template
+
+
+def _link(dispatcher: Any, copied: bool) -> None:
+    """Note what new code calls; unless it is `copied`, give its callers nothing but its name."""
+    inherited = dispatcher.add_overload
+
+    def add_overload(compiled: Any) -> None:
+        library, symbol = compiled.library, compiled.fndesc.llvm_func_name
+        declared = [one.name for one in library._final_module.functions if one.is_declaration]
+        _CALLS[symbol] = {name: _CALLEES[name] for name in declared if name in _CALLEES}
+        if not copied:
+            function = dispatcher.py_func
+            arguments = tuple(compiled.signature.args)
+            _CALLEES[symbol] = Callee(function.__module__, function.__name__, arguments)
+            library._shared_module = _names_only(library, compiled.fndesc.llvm_cpython_wrapper_name)
+        inherited(compiled)
+
+    dispatcher.add_overload = add_overload
+
+
+def _names_only(library: Any, entry: str) -> Any:
+    """A module for callers to link, without code; Numba looks in it for `entry`, which Python calls."""
+    module = str(library.codegen._create_empty_module(library.name))
+    return llvm.parse_assembly(f'{module}\ndefine available_externally void @"{entry}"() {{ ret void }}')
+
+
+def _is_here(symbol: str, callee: Callee) -> bool:
+    """Get the callee's code, and say whether it is the one with this symbol."""
+    if symbol not in _CALLEES:
+        getattr(import_module(callee.module), callee.name).compile(callee.arguments)
+    return symbol in _CALLEES
 
 
 class CompiledCode:
@@ -78,12 +148,16 @@ class CompiledCode:
         except Exception:  # cut short by a power failure: whatever unpickling makes of it
             return None
         # Of two processes that write at once, the index may be one's and the data the other's.
-        mine = isinstance(found, tuple) and found[:2] == (self._file._source_stamp, key)
-        return found[2] if mine else None
+        if not isinstance(found, tuple) or found[:2] != (self._file._source_stamp, key):
+            return None
+        *_, data, calls = found
+        # A symbol has a number that the process gave that compiled it: a callee compiled again has another.
+        return data if all(_is_here(*call) for call in calls.items()) else None
 
     def save(self, key: Any, data: Any) -> None:
         """Save the data, unless the disk is full or was made read-only."""
-        labelled = self._file._source_stamp, key, data
+        calls = _CALLS.get(data[1].llvm_func_name, {})
+        labelled = self._file._source_stamp, key, data, calls
         with contextlib.suppress(OSError):
             try:
                 self._file.save(key, labelled)
@@ -98,6 +172,7 @@ class CompiledCode:
         self._file.flush()
 
 
+@memoized
 def stamp(path: Path) -> str:
     """Hash of the file's text and of all of this package's files that it imports."""
     digest = hashlib.sha256()

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.rod.quaternion import matrices_from_ros
@@ -232,6 +231,8 @@ def _load_on(tracker: Tracker, joint: str, others: Mapping[str, float]) -> Calla
 
 def _zero(load: Callable[[float], _Load], low: float, high: float) -> float:
     """Where the torque is zero between two values at which its signs differ."""
+    from scipy.optimize import brentq  # half a second, and nobody else's
+
     return float(brentq(lambda value: load(value).torque, low, high, xtol=1e-12))
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 import time
@@ -15,6 +14,7 @@ import numpy as np
 from cable_ros.branch import effect_selection
 from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.common.compile_watch import GETTING, listen
+from cable_ros.common.packing import pack, unpack
 from cable_ros.contact.overlaps import OUTLINE, Pairs
 from cable_ros.effects.registry import environments, properties
 from cable_ros.equilibrium import Equilibrium, Status
@@ -158,13 +158,13 @@ class Tracker:
         follower, cable = self._followers[index], self.scene.cables[index]
         return effect_selection.review(follower, self.scene, cable, self.kinematics, index, found)
 
-    def snapshot(self) -> tuple[CableTracker, ...]:
-        """A copy of what the next solve starts from, for `restore`; can be pickled."""
-        return copy.deepcopy(self._followers)
+    def snapshot(self) -> bytes:
+        """What the next solve starts from, for `restore`, also in another process with the same versions."""
+        return pack(self._followers)
 
-    def restore(self, snapshot: tuple[CableTracker, ...]) -> None:
+    def restore(self, snapshot: bytes) -> None:
         """Go on from a snapshot of a tracker of the same scene; tolerance and polyline points stay."""
-        self._followers = copy.deepcopy(snapshot)
+        self._followers = unpack(snapshot)
         for follower in self._followers:
             follower.tolerance, follower.polyline_points = self._tolerance, self._polyline_points
 

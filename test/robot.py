@@ -40,6 +40,8 @@ PUBLISHED = {
 class Robot:
     """The space arm with a cable_node that has these parameters. Use as a context manager."""
 
+    timeout = TIMEOUT
+
     def __init__(self, **parameters: object) -> None:
         command = [sys.executable, "-m", "cable_ros.ros.cable_node", "--ros-args"]
         values = {"scene": share_file("config", "space_arm.yaml"), **parameters}
@@ -114,7 +116,7 @@ class Robot:
         self, done: Callable[[], bool], meanwhile: Callable[[], None] = lambda: None, every: float = 2.0
     ) -> None:
         """Spin until `done()`, with `meanwhile()` now and then; fails if it takes long or the node dies."""
-        deadline = time.monotonic() + TIMEOUT
+        deadline = time.monotonic() + self.timeout
         due = time.monotonic() + every
         while not done():
             assert time.monotonic() < deadline, (self.heard, self.diagnostics)

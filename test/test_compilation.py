@@ -85,6 +85,43 @@ def test_code_of_another_file_is_compiled_anew_where_it_is_used(package):
     assert call(package) == (41.0, True)
 
 
+def test_code_is_not_taken_without_that_of_its_callee(package):
+    """What `outer` calls has a name with a number in it that another process gives otherwise."""
+    assert call(package) == (21.0, False)
+    for file in (package / "__pycache__").glob("inner.inner*"):
+        file.unlink()
+    assert call(package) == (21.0, False)
+    assert call(package) == (21.0, True)
+    for file in (package / "__pycache__").glob("inner.inner*"):
+        file.unlink()
+    python("from somewhere.inner import inner; inner(1); inner(1.0)", path=package.parent)
+    assert call(package) == (21.0, False)
+    assert call(package) == (21.0, True)
+
+
+def test_code_of_a_callee_is_not_kept_again(package):
+    """`outer` keeps its own code, that of its entry from Python, and the name of what it calls."""
+    assert call(package) == (21.0, False)
+    (kept_outer,) = (file for file in kept(package, "nbc") if file.name.startswith("outer"))
+    replace(package / "inner.py", "return FACTOR * x", "return " + " + ".join(["x / (FACTOR + x)"] * 200))
+    before = kept_outer.stat().st_size
+    assert call(package)[1] is False
+    assert abs(kept_outer.stat().st_size - before) < 0.1 * before
+
+
+def test_a_literal_argument_gets_no_code_of_its_own():
+    @compilation.njit()
+    def inner(n):
+        return 2 * n
+
+    @compilation.njit()
+    def outer(n):
+        return inner(3) + inner(n)
+
+    assert outer(4) == 14
+    assert len(inner.signatures) == 1
+
+
 def test_sources_are_followed_through_all_imports():
     found = {str(path.relative_to(PACKAGE)) for path in sources(PACKAGE / "rod" / "warm_step.py")}
     # warm_step.py uses bordered.py, and that banded.py, imported as a module of its package

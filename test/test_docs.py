@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
+import importlib.util
 import re
 import shlex
 from pathlib import Path
 
 import pytest
+from pages import blocks
 
+import cable_ros.ros
 from cable_ros.cli import main as frame
 
 ROOT = Path(__file__).parents[1]
@@ -28,7 +32,7 @@ def _found(pattern: str, commands: bool = False) -> list[tuple[str, str]]:
 
 def _commands(text: str) -> str:
     """What a page shows of a shell, in fences or indented."""
-    fences = re.compile(r"^```(\w*)\n(.*?)^```", re.M | re.S)
+    fences = re.compile(r"^```(\w*).*?\n(.*?)^```", re.M | re.S)
     fenced = [code for language, code in fences.findall(text) if language in ("bash", "sh", "console")]
     indented = re.findall(r"^    (?:\$ )?(.*)$", fences.sub("", text), re.M)
     return "\n".join([*fenced, *indented])
@@ -44,12 +48,15 @@ def test_links_lead_somewhere(page, target):
     ("page", "script"), _found(r"(?:benchmarks|examples|test|config|cable_ros)/[a-z0-9_/]+\.\w+")
 )
 def test_files_that_are_named_are_there(page, script):
-    assert (ROOT / script).exists()
+    made = {
+        block.title for block in blocks(ROOT / "docs" / page)
+    }  # by a page that shows how to add something
+    assert (ROOT / script).exists() or script in made
 
 
 @pytest.mark.parametrize(("page", "line"), _found(r"^(cable .*)$", commands=True))
 def test_commands_are_understood(page, line):
-    words = shlex.split(line, comments=True)[1:]
+    words = shlex.split(line.partition(" | ")[0], comments=True)[1:]
     module = importlib.import_module(f"cable_ros.cli.{words[0]}")
     frame._parser({words[0]: module}).parse_args(words)
 
@@ -65,3 +72,35 @@ def test_replays_are_understood(page, line):
 def test_every_page_is_listed():
     listed = set(re.findall(r"\]\((\w+\.md)\)", (ROOT / "docs" / "README.md").read_text()))
     assert listed == {page.name for page in PAGES} - {"README.md"}
+
+
+REFERENCE = importlib.util.spec_from_file_location("reference", ROOT / "docs" / "reference.py")
+
+
+@pytest.mark.parametrize("page", ["scene.md", "parameters.md", "commands.md"])
+def test_what_the_code_knows_best_is_what_it_says(page):
+    if page == "parameters.md":
+        pytest.importorskip("rclpy")
+    reference = importlib.util.module_from_spec(REFERENCE)
+    REFERENCE.loader.exec_module(reference)
+    assert set(reference.PAGES) == {"scene.md", "parameters.md", "commands.md"}
+    kept = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    assert kept == reference.PAGES[page](), "run python docs/reference.py"
+
+
+def _advertised():
+    """Name and type of every topic that the node's code advertises, `~/<cable>/` for those of a cable."""
+    for path in sorted(Path(cable_ros.ros.__path__[0]).glob("*.py")):
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(call, ast.Call) and ast.unparse(call.func) == "Outlet.create":
+                _, kind, name, _ = map(ast.unparse, call.args)
+                if name != "TOPIC":  # /tf_static, whose name is tf2's
+                    yield re.sub(r"^f?'(.*)'$", r"\1", name).replace("{base}", "~/<cable>"), kind
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/ros.md"])
+def test_every_topic_has_its_row(page):
+    topics = list(_advertised())
+    assert ("~/<cable>/end_wrench", "WrenchStamped") in topics
+    rows = re.findall(r"^\| `([^`]+)` \| `\w+/(\w+)` \|", (ROOT / page).read_text(encoding="utf-8"), re.M)
+    assert [topic for topic in topics if topic not in rows] == []

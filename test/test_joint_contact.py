@@ -232,7 +232,7 @@ def test_no_torque_about_a_vertical_pan_axis_that_carries_all(friction: float) -
     touched = False
     for k in range(13):
         joints = {name: pose.get(name, 0.0) * k / 12 for name in model.joint_names}
-        found = model.solve(joints)
+        found = model.arrive(joints)
         assert found["hose"].status.trusted, found["hose"].message
         load = joint_load(model, found, joints)
         others = np.abs(load.torque).max()

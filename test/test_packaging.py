@@ -38,7 +38,7 @@ def run(*command: str | Path, cwd: Path, env: dict[str, str]) -> str:
 
 @pytest.fixture(scope="module")
 def clean() -> dict[str, str]:
-    """This process's environment without any ROS in it."""
+    """The environment of this process without any ROS in it."""
     return {name: value for name, value in os.environ.items() if name not in ROS_VARIABLES}
 
 

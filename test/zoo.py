@@ -17,6 +17,7 @@ import zoo_checks as checks
 from references import planar, spatial
 from scipy.spatial.transform import Rotation
 from zoo_contact import CONTACT
+from zoo_drawn import DRAWN
 from zoo_hose import PASSING
 from zoo_make import ARM, SKEW, arm, cable, exact, led, solved, turned, without_hint
 
@@ -427,4 +428,5 @@ CASES: tuple[Case, ...] = (
     *joint_motion(),
     *CONTACT,
     *PASSING,
+    *DRAWN,
 )

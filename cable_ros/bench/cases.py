@@ -98,6 +98,8 @@ class Step:
 
 @dataclass(frozen=True)
 class Outcome:
+    """A case's answers, and what is wrong with one of them."""
+
     case: Case
     steps: list[Step] = field(default_factory=list)
     fault: str | None = None

@@ -20,7 +20,9 @@ from cable_ros.bench.cases import Case, Pose, case_scene, joint_values
 from cable_ros.bench.contact_fuzz import POSSIBLE
 from cable_ros.bench.drawn_scenes import KINDS, Drawing
 from cable_ros.bench.surfaces import distance
+from cable_ros.scene import load_scene
 from cable_ros.scene.kinematics import Kinematics
+from cable_ros.tracker import Tracker
 
 LENGTHS = (0.5, 1.0, 2.0)
 """Of cables, m."""
@@ -38,18 +40,22 @@ CHORDS = (0.05, 0.95)
 STUB = 0.03
 """The cable is straight ahead of its clamps for about so long, parts of the length, and must not run into
 anything there."""
+INSIDE, ROUGHLY = 1e-3, 1e-2
+"""An obstacle is in the way of a cable that would be inside it by this part of the length, solved to this
+tolerance."""
 GRAVITY = 9.81
 BODY = ("along", "across", "up", "turn")
 """Joints of the link that carries the obstacles: slides along the world's axes, a turn about y."""
 
 
-def drawn_case(seed: int, index: int, tolerance: float) -> Case:
-    """The `index`-th drawn scene of a seed; `expected` tells what it is of."""
+def drawn_case(seed: int, index: int, tolerance: float, kind: str | None = None) -> Case:
+    """The `index`-th drawn scene of a seed, of a `kind` by chance or this one; `expected` tells of what."""
     rng = np.random.default_rng([seed, index, 3])
-    name = list(KINDS)[int(rng.integers(len(KINDS)))]
+    by_chance = list(KINDS)[int(rng.integers(len(KINDS)))]
+    name = by_chance if kind is None else kind
     while True:
-        case = _case(rng, name, f"drawn {index}", tolerance)
-        if _feasible(case):
+        case, corners = _case(rng, name, f"drawn {index}", tolerance)
+        if _feasible(case) and _in_the_way(case, corners):
             return case
 
 
@@ -70,7 +76,8 @@ def told(waypoints: Sequence[Pose], poses: int) -> tuple[Pose, ...]:
     return refined(waypoints, max(1, round((poses - 1) / (len(waypoints) - 1))))
 
 
-def _case(rng: np.random.Generator, kind: str, name: str, tolerance: float) -> Case:
+def _case(rng: np.random.Generator, kind: str, name: str, tolerance: float) -> tuple[Case, Sequence[Pose]]:
+    """A case, and the corners of its path."""
     length = float(rng.choice(LENGTHS))
     thick = rng.random() < 0.7
     diameter = float(rng.choice(DIAMETERS)) if thick else 0.0
@@ -103,10 +110,11 @@ def _case(rng: np.random.Generator, kind: str, name: str, tolerance: float) -> C
     what = f"{kind}, {len(path)} poses, weight {weight:g}, friction {friction:g}: " + ", ".join(
         " ".join(f"{joint} {by:g}" for joint, by in move.items()) or "home" for move in drawing.waypoints
     )
-    return Case(
+    case = Case(
         name, what, scene, path, urdf=_with_body(urdf, drawing, length), statuses=POSSIBLE, along=POSSIBLE,
         tolerance=tolerance, polyline_points=401, baselines=False,
     )  # fmt: skip
+    return case, corners
 
 
 def _clamp(place: tuple[float, float], degrees: float, length: float) -> dict[str, Any]:
@@ -175,3 +183,27 @@ def _feasible(case: Case) -> bool:
             if distance(obstacle, links[i], cable.radius)(places).min() < room:
                 return False
     return True
+
+
+def _in_the_way(case: Case, corners: Sequence[Pose]) -> bool:
+    """Whether the cable, if nothing were in its way, would be inside an obstacle at a corner of its path.
+
+    A scene in which nothing touches says nothing of contact.
+    """
+    scene = case_scene(case)
+    (cable,) = scene.cables
+    kinematics = Kinematics(scene)
+    assert not isinstance(case.scene, str)
+    without = {key: value for key, value in case.scene.items() if key != "obstacles"}
+    alone = load_scene(without, urdf=case.urdf)
+    tracker = Tracker(alone, tolerance=ROUGHLY, polyline_points=101)
+    for joints in corners[:-1]:
+        inner = tracker.solve(joints)[cable.name].points[1:-1]
+        links = kinematics.obstacle_poses(joint_values(kinematics, joints))
+        depths = [
+            -distance(obstacle, link, cable.radius)(inner).min()
+            for obstacle, link in zip(scene.obstacles, links, strict=True)
+        ]
+        if max(depths) > INSIDE * cable.length:
+            return True
+    return False

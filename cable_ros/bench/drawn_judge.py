@@ -54,6 +54,8 @@ STILL = 1e-4
 tolerance of a wrench."""
 DRAWN = 0.5
 """And so far, parts of what the clamps and the obstacle moved in the step: it may slide before it sticks."""
+NEAR_LIMIT = 0.8
+"""What has more friction than this part of its limit may have slid to the last moment of the step."""
 DRIVEN = 0.2
 """Friction of what slides may be driven by this part of what it could take up: its direction is that at the
 step's end, not its mean."""
@@ -226,7 +228,9 @@ def friction_fault(
         if moved + drag > SHORT * cable.length:
             continue
         allowed = STILL * cable.length + DRAWN * (moved + drag)
-        if not contact.sliding and size > allowed:
+        friction = scene.obstacles[rough[contact.obstacle]].friction
+        held = force < NEAR_LIMIT * friction * contact.normal_force
+        if not contact.sliding and held and size > allowed:
             return f"{where} is said to stick and moved {size / cable.length:.1e} L"
         driven = float(contact.friction @ slip) > (DRIVEN * force + NOTHING * largest) * size
         if contact.sliding and driven and size > STILL * cable.length + TURNED * (moved + drag):

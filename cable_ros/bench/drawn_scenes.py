@@ -155,11 +155,13 @@ def tray(rng: Rng, radius: float) -> Drawing:
 
 
 def drum(rng: Rng, radius: float) -> Drawing:
-    """A cable draped over a drum on its back, which may turn."""
+    """A cable draped over a drum, or sagging onto it, which may turn."""
     size = _one(rng, [0.1, 0.15, 0.2])
     half = _one(rng, [0.3, 0.35])
     low = _one(rng, [-0.1, 0.0, 0.1])
-    start, top = _one(rng, [AHEAD, AHEAD, 45.0, UP]), _one(rng, [0.2, 0.25, 0.3])
+    start, top = _one(
+        rng, [(AHEAD, -0.2), (AHEAD, -0.1), (-45.0, -0.2), (45.0, 0.3), (45.0, 0.35), (UP, 0.4)]
+    )
     kind = _one(rng, ["cylinder", "capsule"])
     moves = _there(
         rng,
@@ -193,12 +195,11 @@ def wall(rng: Rng, radius: float) -> Drawing:
 
 def beams(rng: Rng, radius: float) -> Drawing:
     """A cable over one or two beams with parallel edges."""
-    half = _one(rng, [0.3, 0.35, 0.4])
-    top = _one(rng, [0.2, 0.25])
-    places = _one(rng, [[0.0], [-0.1, 0.1], [-0.15, 0.15]])
-    bars = [_box(f"beam {i}", [x - THICK, -0.5, 0.0], [x + THICK, 0.5, top]) for i, x in enumerate(places)]
-    low = _one(rng, [0.0, 0.05, 0.1])
-    angle = _one(rng, [AHEAD, AHEAD, 45.0])
+    half = _one(rng, [0.25, 0.3])
+    angle, top = _one(rng, [(AHEAD, -0.1), (AHEAD, -0.2), (-45.0, -0.2), (45.0, 0.25), (45.0, 0.3)])
+    places = _one(rng, [[0.0], [-0.1, 0.1]])
+    bars = [_box(f"beam {i}", [x - THICK, -0.5, -0.5], [x + THICK, 0.5, top]) for i, x in enumerate(places)]
+    low = _one(rng, [0.0, 0.05])
     moves = _there(
         rng, [{"z": -0.1}, {"x": 0.05}, {"y": 0.1}, {"along": 0.05}, {"up": 0.05}, {"across": 0.1}]
     )
@@ -206,10 +207,10 @@ def beams(rng: Rng, radius: float) -> Drawing:
 
 
 def ball(rng: Rng, radius: float) -> Drawing:
-    """A cable over a ball under its middle, or beside it."""
+    """A cable that arches over a ball, or sags onto it, under its middle or beside it."""
     size, half = _one(rng, [0.1, 0.15]), _one(rng, [0.3, 0.35])
     beside = _one(rng, [0.0, 0.0, 0.05])
-    angle, top = _one(rng, [AHEAD, AHEAD, 45.0]), _one(rng, [0.2, 0.25, 0.3])
+    angle, top = _one(rng, [(AHEAD, -0.1), (AHEAD, -0.2), (-45.0, -0.2), (45.0, 0.3), (45.0, 0.35)])
     one = {"name": "ball", "sphere": {"center": [0.0, beside, top - size], "radius": size}}
     moves = _there(
         rng, [{"z": -0.1}, {"up": 0.05}, {"across": 0.05}, {"along": 0.1}, {"turn": 30.0}, {"y": 0.05}]

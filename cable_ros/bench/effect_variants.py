@@ -37,8 +37,13 @@ def nothing(_cable: Cable) -> Mapping[str, Any]:
 
 def plain(scene: Scene) -> bool:
     """Whether the scene has nothing but bending, twist and weight, which is all that the baselines know."""
+    return not scene.obstacles and bare(scene)
+
+
+def bare(scene: Scene) -> bool:
+    """Whether its cables have nothing but bending, twist and weight, whatever they touch."""
     extras = ("natural_strain", "temperature", "dose", "axial_stiffness", "shear_stiffness")
-    return not scene.obstacles and all(getattr(c, name) is None for c in scene.cables for name in extras)
+    return all(getattr(c, name) is None for c in scene.cables for name in extras)
 
 
 def variants(scene: Scene, joints: np.ndarray) -> Iterator[tuple[str, Scene]]:

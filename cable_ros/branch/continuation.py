@@ -163,17 +163,22 @@ def walk(
         spent = given - rod.work
         smallest, most = (CARRY, CARRY_WORK) if rod.lies else (LAST, LAST_WORK * given)
         hard = step * 0.5 < smallest * longest or spent > most
-        if carrier is not None and (hard or not rod.refactor(q, F)):
+        # a cable that touches nothing falls exactly as well as on a grid
+        free = not (rod.remembers or rod.held().any())
+        stable = (free or carrier is None or not hard) and rod.refactor(q, F)
+        folding = free and (not stable or (carrier is not None and rod._softest() < SMALL))
+        if carrier is not None and not folding and (hard or not stable):
             carried, carrier = carrier(rod, q, F), None
             if carried is not None:
                 rod, q, F = carried, carried.shape, carried.end_force
                 step = longest
                 continue
-        if not rod.refactor(q, F):
+            stable = stable or rod.refactor(q, F)
+        if not (stable or folding):
             return ended(End.STUCK)
-        if step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
+        if stable and step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
             margins.append((at, rod._softest()))
-        crossed = code == warm_step.NOT_CONVEX and rod.remembers
+        crossed = (code == warm_step.NOT_CONVEX and rod.remembers) or not stable
         if crossed or (code != warm_step.TOO_FAR and step * 0.5 < SHORTEST * longest):
             left = rod.work
             if crossed:  # the branch goes on, but its margin has passed through 0

@@ -8,9 +8,12 @@ import numpy as np
 from cable_ros.branch.cold_start import Conditions, Found, first_mesh, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.nodal_rod import NodalRod, places_for
+from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE
 from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.rod import warm_step
+from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.initial_shapes import starts
 from cable_ros.rod.kirchhoff import Rod
@@ -25,13 +28,15 @@ SETTLE = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
 """For a descent to the equilibrium beside a shape."""
-TRIALS = ((0, 1), (16, 0), (8, 1), (16, 1))
+TRIALS: tuple[tuple[int, int | None], ...] = ((16, None), (0, 1), (16, 0), (8, 1), (16, 1))
 """What is tried in turn: numbers of elements, 0 for those of a search, and the first of
-`penalty_continuation.SPRINGS`."""
+`penalty_continuation.SPRINGS`, None to take over the contacts of the grid."""
 WORK = 40_000.0
 """Budget, iterations times unknowns, of a rod that takes over, if there is less left."""
 EXACT_WORK = 60_000.0
 """Budget of a search for an exact equilibrium beside one on a grid."""
+LEVEL = 0.1
+"""Gap between two contacts on the grid, spacings squared per length, that counts as none: it is no finer."""
 TRIES = 3
 """Number of start shapes that a search lets come to rest."""
 GRID = np.linspace(0.0, 1.0, 33)
@@ -69,7 +74,7 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         new.work = left
         q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
         q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
-        result = descend(new, q, rod.state.F[-1], SETTLE, stage)
+        result = _taken_over(new, q, rod) if stage is None else descend(new, q, rod.end_force, SETTLE, stage)
         left = new.work
         if result is not None:
             found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
@@ -78,6 +83,20 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
                 return found
         rod.tried += 1  # if no budget is left, the next pose goes on with the next
     return None
+
+
+def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """The equilibrium of the `new` rod next to the grid's, from its shape q (n, 4) there and its contacts."""
+    assert new.obstacles is not None
+    curve(q, new.h, new.tables[0], new.primitives, new.c)
+    at, which = np.nonzero(rod.lies_on(LEVEL))
+    places = np.append(rod.s0, 1.0)[at]
+    give_contacts(new, q, which, places, rod.state.lam[at, which], 1.0 / rod.cells)
+    q = new.fit_patches(q)
+    code, iterations, q_new, F_new = new.touch(
+        q, rod.end_force, new.qe, new.re, new.f, SETTLE.step_tolerance, 1.0, new.obstacles
+    )
+    return (q_new, F_new, iterations) if code == warm_step.ADVANCED else None
 
 
 def cold(

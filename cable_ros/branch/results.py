@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cable_ros.contact.friction_kernels import FRICTIONLESS
 from cable_ros.contact.nodal_rod import NodalRod
@@ -15,7 +14,7 @@ from cable_ros.contact.report import contact_table, on_grid
 from cable_ros.contact.response import cross_matrix
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.equilibrium import ContactTable, Equilibrium, Status
-from cable_ros.rod import warm_step
+from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh, Sampling, integrals, sampling
 from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import Rod
@@ -122,7 +121,7 @@ def _tangent(
     response = -response * scale_wrench[:, None] / scale_motion[None, :]
     if moving:
         # obstacles: from the start clamp's frame to the world's
-        turn = Rotation.from_quat(start[3:]).as_matrix().T
+        turn = quaternion.matrix_from_ros(start[3:]).T
         seen = np.eye(len(response))
         for at in range(12, len(response), 6):
             seen[at : at + 3, at : at + 3] = seen[at + 3 : at + 6, at + 3 : at + 6] = turn

@@ -60,10 +60,11 @@ def run(args: argparse.Namespace) -> int:
     print("Starting the cable node; its first start on a machine compiles the solver.", file=sys.stderr)
     with node_process(share_file("config", "space_arm.yaml"), log) as check:
         drive(angles, check)
-    shapes, wrench = draw(log, args.out)
+    shapes, wrench, load = draw(log, args.out)
     print(f"{log}: {len(angles)} joint states and what answers each: wrenches, polyline, joint load")
     print(f"{shapes}: the cable's shapes in the XOZ, YOZ and XOY planes")
     print(f"{wrench}: the end force and moment against the angle of the joint")
+    print(f"{load}: the torque on the joint against its angle")
     return 0
 
 

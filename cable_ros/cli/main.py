@@ -22,6 +22,7 @@ BROKEN_PIPE = 141
 EXTRAS = {
     "matplotlib": "plot",
     "pyarrow": "parquet",
+    "distributed": "cluster",
     "rclpy": "ros",
     "sensor_msgs": "ros",
     "geometry_msgs": "ros",

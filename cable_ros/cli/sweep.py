@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import itertools
-import math
 import os
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,13 +36,14 @@ EXAMPLE = """examples:
   cable sweep config/space_arm.yaml --joint orientation=-90:90:0.5deg --out arm.csv
   cable sweep config/space_arm.yaml --joint orientation=-90:90:1deg \\
       --vary youngs_modulus=1e6:10e6:1e6 --vary camera_cable.length=0.38,0.40 --out stiffness.parquet
+  cable sweep config/space_arm.yaml --joint orientation=-90:90:0.001deg --out arm.parquet \\
+      --cluster tcp://192.168.1.10:8786
 
 The last joint is tracked in order, from the branch that the scene names. --vary takes a field of every
 cable, or CABLE.FIELD for one; every cable then starts near the total twist of the first variant, unless
 the scene or --vary gives it. Rows that are not to be trusted hold their status and no numbers.
-The result does not depend on the number of processes."""
-
-POSES_PER_PROCESS = 10_000  # fewer are solved before another process has started
+The result does not depend on the number of processes, nor on the machines of --cluster if they have the
+same processor and the same versions. Others join this process when it has worked for half a second."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -65,8 +67,12 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "--out", metavar="FILE", type=Path, required=True, help="table (.csv, .parquet) or log (.mcap)"
     )
     add_tolerance(parser)
-    parser.add_argument(
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
         "--jobs", metavar="N", type=process_count, help="processes (default: one for each core)"
+    )
+    where.add_argument(
+        "--cluster", metavar="ADDRESS", help="Dask scheduler, such as tcp://HOST:8786, whose workers solve"
     )
 
 
@@ -92,22 +98,42 @@ def run(args: argparse.Namespace) -> int:
     resting = not_named(args.command, [name for name, _ in args.joint], needed)
     paths = grid([*((name, np.zeros(1)) for name in resting), *args.joint], needed)
     count = len(scenes) * sum(map(len, paths))
-    workers = args.jobs or min(cores(), math.ceil(count / POSES_PER_PROCESS))
     point_count = 101 if args.out.suffix == ".mcap" else 2
     statuses: Counter[str] = Counter()
     begin = time.monotonic()
-    with open_table(args.out, scene) as table, tqdm(total=count, unit="pose", disable=None) as progress:
+    tqdm.monitor_interval = 0  # its thread would keep `solve_paths` from forking
+    with (
+        workers_of(args) as (executor, workers),
+        open_table(args.out, scene) as table,
+        tqdm(total=count, unit="pose", disable=None) as progress,
+    ):
         jobs = ((varied, paths) for varied in same_branch(scenes, paths[0][0]))
-        for index, batch in solve_paths(jobs, args.tolerance, point_count, workers):
-            table.write(variants[index], batch)
-            statuses.update(status.name for status in batch.status.ravel())
-            progress.update(len(batch))
+        solved = solve_paths(jobs, args.tolerance, point_count, workers, False, executor)
+        with contextlib.closing(solved):
+            for index, batch in solved:
+                table.write(variants[index], batch)
+                statuses.update(status.name for status in batch.status.ravel())
+                progress.update(len(batch))
     seconds = time.monotonic() - begin
     what = ", ".join(f"{number} {name}" for name, number in statuses.most_common())
-    processes = f"{workers} process{'es' if workers > 1 else ''}"
-    speed = f"{processes}, {seconds:.1f} s, {count / seconds:.0f} poses/s"
+    where = f"up to {workers} processes" if workers > 1 else "1 process"
+    if args.cluster:
+        where = f"{args.cluster} with {workers} thread{'s' if workers > 1 else ''}"
+    speed = f"{where}, {seconds:.1f} s, {count / seconds:.0f} poses/s"
     print(f"{args.out}: {count} poses, {what}; {speed}")
     return 0
+
+
+@contextlib.contextmanager
+def workers_of(args: argparse.Namespace) -> Iterator[tuple[Executor | None, int]]:
+    """Where to solve by --cluster and --jobs: an executor or this machine's processes; how many at a time."""
+    if args.cluster is None:
+        yield None, args.jobs or cores()
+        return
+    from cable_ros.cli._cluster import cluster
+
+    with cluster(args.cluster) as found:
+        yield found
 
 
 def grid(ranges: Sequence[tuple[str, np.ndarray]], joint_names: Sequence[str]) -> list[np.ndarray]:

@@ -8,7 +8,7 @@ MOST_CHARACTERS = 2000
 
 
 def escaped(text: str) -> str:
-    """`text` with everything that is not printable as Python writes it: a tab as \\t, ESC as \\x1b.
+    r"""`text` with everything that is not printable as Python writes it: a tab as \t, ESC as \x1b.
 
     A name out of a file could otherwise move the cursor, recolour the terminal or turn the reading direction.
     """

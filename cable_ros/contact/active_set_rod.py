@@ -61,6 +61,10 @@ class ActiveSetRod(BorderedRod):
         points = self.points[: self.count]
         return self._onto(fitted(self.mesh.element, list(self.s0[1:]), points, self.finest()), q)
 
+    def fit_patches(self, q: np.ndarray) -> np.ndarray:
+        """`fit` if the cable lies along anything; held by points alone it keeps its mesh."""
+        return self.fit(q) if (self.points[: self.count, KIND] != POINT).any() else q
+
     def resolve(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Change to a mesh that is fine enough for how end force F bends q about the points; q on it."""
         mesh = layered(self.mesh, self.points[: self.count], float(np.linalg.norm(F)))

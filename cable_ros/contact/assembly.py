@@ -29,6 +29,7 @@ from cable_ros.contact.points import (
     SAMPLE,
     YIELD,
 )
+from cable_ros.linalg.copies import copy
 from cable_ros.rod.centreline import find_element, position, shape, tangent
 from cable_ros.rod.energy_kernels import gradient, hessian, increments, tangent_derivative, workspace
 
@@ -203,7 +204,7 @@ def system(
                 way[a, 3 * first + j] += own[a, j]
         row(V, 3 + i, normals[i], way)
         delta[3 + i] = YIELD * points[i, LENGTH] ** 3 if points[i, KIND] == SAMPLE else 0.0
-        lines[3 + i] = normals[i]
+        copy(normals[i], lines[3 + i])
         begin = rows
         upto[3 + i] = e
         points[i, GRIP] = 0.0
@@ -215,11 +216,11 @@ def system(
                 P[a] = normals[i, a] + mu * limits[i, a]
             row(W, 3 + i, P, way)
         else:
-            W[3 + i] = V[3 + i]
+            copy(V[3 + i], W[3 + i])
         if limits[i, 6] > 0.0:
             if slip:
                 row(V, rows, limits[i, 3:6], way)
-                lines[rows] = limits[i, 3:6]
+                copy(limits[i, 3:6], lines[rows])
                 delta[rows] = 1.0 / limits[i, 6]
                 gaps[rows - 3] = 0.0
                 points[i, GRIP] = -rows
@@ -229,14 +230,14 @@ def system(
                 points[i, GRIP] = rows
                 for k in range(2):
                     row(V, rows, directions[k], way)
-                    lines[rows] = directions[k]
+                    copy(directions[k], lines[rows])
                     delta[rows] = 1.0 / limits[i, 6]
                     gaps[rows - 3] = 0.0
                     rows += 1
         for k in range(2):
             if curved[i, k] > 0.0 and abs(points[i, FORCE]) >= 1e-9:
                 row(V, rows, frames[i, k], way)
-                lines[rows] = frames[i, k]
+                copy(frames[i, k], lines[rows])
                 delta[rows] = -1.0 / (points[i, FORCE] * curved[i, k])
                 gaps[rows - 3] = 0.0
                 rows += 1
@@ -245,7 +246,7 @@ def system(
             points[i, ROW] = 0.0
         if ends or (curved[i, 2] > 0.0 and abs(points[i, FORCE]) >= 1e-9):
             row(V, rows, slopes[i], way)
-            lines[rows] = slopes[i]
+            copy(slopes[i], lines[rows])
             for j in range(nd):
                 for a in range(3):
                     V[rows, 3 * first + j] += normals[i, a] * turn[a, j]
@@ -256,9 +257,9 @@ def system(
         for b in range(begin, rows):
             upto[b] = e
     for b in range(3):
-        W[b] = V[b]
+        copy(V[b], W[b])
     for b in range(3 + count, rows):
-        W[b] = V[b]
+        copy(V[b], W[b])
     for i in range(count):
         grip(points, i, amiss, lines, gaps)
     return rows, same, flips

@@ -161,14 +161,13 @@ def placed(local: np.ndarray, links: np.ndarray, start: np.ndarray, length: floa
         centre = quaternion.rotate(b, local[i, 1:4])
         for k in range(3):
             v[k] = centre[k] + links[i, k] - start[k]
-        out[i, 1:4] = quaternion.rotate(a, v) / length
+        x, y, z = quaternion.turned(a, v)
+        out[i, 1], out[i, 2], out[i, 3] = x / length, y / length, z / length
         both = quaternion.multiply(a, b)
         for j in range(3):
             for k in range(3):
                 v[k] = local[i, 4 + 3 * k + j]
-            v[:] = quaternion.rotate(both, v)
-            for k in range(3):
-                out[i, 4 + 3 * k + j] = v[k]
+            out[i, 4 + j], out[i, 7 + j], out[i, 10 + j] = quaternion.turned(both, v)
         for k in range(13, 17):
             out[i, k] = local[i, k] / length
     return out

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,8 @@ from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.units import relative_change
 
 ROWS = 3 + 6 * CAPACITY
+LARGE = {"V": False, "W": False, "borders": False, "Y_slip": False, "complement": True, "S_slip": True}
+"""Arrays with ROWS rows, by name, and whether they have as many columns."""
 DEEPEST = 1e-5
 """What is deeper inside an obstacle, parts of the length, is no equilibrium."""
 RUBS = 0.4
@@ -98,6 +101,21 @@ class BorderedRod(Rod):
         self.c = np.zeros((len(self.h), len(self.primitives) + 1, 3))
         self.judged = True  # whether `borders` and `complement` are those of the present borders
         self.ready = False  # whether the factors are those of the last equilibrium with its contact points
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Of the large arrays only the rows that are used: the others hold what was in the memory before."""
+        state = self.__dict__.copy()
+        for name, square in LARGE.items():
+            state[name] = state[name][: self.rows, : self.rows if square else None].copy()
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for name, square in LARGE.items():
+            used = state[name]
+            whole = np.empty((ROWS, ROWS if square else used.shape[1]))
+            whole[: used.shape[0], : used.shape[1]] = used
+            setattr(self, name, whole)
 
     def set_conditions(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None

@@ -35,7 +35,7 @@ def rub(points, i, n, t, mu, model, step, turned, sense, anew, limit):
         limit[a] = 0.0
     cone = mu * max(points[i, FORCE], 0.0)
     if model == SLIDING:
-        side = np.cross(t, n)
+        side = t[1] * n[2] - t[2] * n[1], t[2] * n[0] - t[0] * n[2], t[0] * n[1] - t[1] * n[0]
         size = np.sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
         way = side[0] * sense[0] + side[1] * sense[1] + side[2] * sense[2]
         share = np.sqrt(sense[0] ** 2 + sense[1] ** 2 + sense[2] ** 2) * (-1.0 if way > 0.0 else 1.0)
@@ -46,7 +46,8 @@ def rub(points, i, n, t, mu, model, step, turned, sense, anew, limit):
     if cone == 0.0:
         # about to lift off: it slips, without a force, and which way is seen when it presses again
         points[i, SLIPS] = 1.0
-        points[i, FRICTION : FRICTION + 3] = 0.0
+        for a in range(3):
+            points[i, FRICTION + a] = 0.0
         return False
     force, trial = np.empty(3), np.empty(3)
     off, normal = 0.0, 0.0
@@ -66,12 +67,12 @@ def rub(points, i, n, t, mu, model, step, turned, sense, anew, limit):
     slips = points[i, SLIPS] == 1.0
     if not slips and held > (1.0 + ROUNDING) * cone and held > 0.0 and not anew:
         points[i, SLIPS] = 1.0
-        trial[:] = force
+        trial = force
         size = held
     elif slips and not anew and (size < (1.0 - ROUNDING) * cone or along < 0.0):
         points[i, SLIPS] = 0.0
     elif slips and anew:
-        trial[:] = force
+        trial = force
         size = held
     if points[i, SLIPS] == 0.0 or size == 0.0:
         points[i, SLIPS] = 0.0

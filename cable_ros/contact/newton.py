@@ -13,7 +13,14 @@ from cable_ros.contact.interfaces import place_points
 from cable_ros.contact.patches import SAMPLES, coarse, cover, fill, move_ends, shrink
 from cable_ros.contact.points import FORCE, FRICTION, GRIP, HELD, KIND, POINT, ROW, SAMPLE
 from cable_ros.linalg import banded
-from cable_ros.linalg.bordered import border_factor, border_step, complement, end_coupling
+from cable_ros.linalg.bordered import (
+    border_factor,
+    border_solve,
+    complement,
+    complement_factors,
+    end_coupling,
+)
+from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import curve
 from cable_ros.rod.warm_step import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
@@ -74,12 +81,15 @@ def touch(
     old_c = np.empty_like(c)
     curve(q, h, N, primitives, old_c)
     old_h, old_s0 = h.copy(), s0.copy()
-    points[:, HELD : HELD + 3] = points[:, FRICTION : FRICTION + 3]
+    for i in range(points.shape[0]):
+        for a in range(3):
+            points[i, HELD + a] = points[i, FRICTION + a]
     last = q.shape[0] - 1
-    q_new[:] = q
-    F_new[:] = F
+    copy_rows(q, q_new)
+    copy(F, F_new)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
     total, size, new = 0, 0.0, 0.0
+    factors, swaps = S, np.empty(0, np.int64)
     lift, moved, convex = True, False, True  # `lift`: the tangent step, which takes the end to its new place
     steady = model != COULOMB  # whether no friction's direction is part of the iteration
     holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
@@ -127,6 +137,8 @@ def touch(
                 )
             elif full:
                 skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S)
+            if full or swaps.shape[0] != rows:
+                factors, swaps = complement_factors(S, rows)
             b[:] = 0.0
             for a in range(3):
                 b[a] = totals[a] - re[a]
@@ -134,7 +146,7 @@ def touch(
                 b[i] = gaps[i - 3]
             if lift:
                 end_coupling(elastic, geometric, V, rows, theta, gv, b)
-            border_step(gv, b, V, rows, order, U, pivots, Y, S, s, y)
+            border_solve(gv, b, V, rows, order, U, pivots, Y, factors, swaps, s, y)
             if lift:
                 for k in range(3):
                     s[n - 3 + k] = theta[k]

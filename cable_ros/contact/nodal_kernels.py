@@ -42,8 +42,6 @@ YIELD = 1e-14
 weight over a length of about the fourth root, 3e-4 L."""
 OPEN, STICK, SLIP = 0, 1, 2
 """States of a contact; without friction it slips."""
-WEIGHTLESS = np.zeros(3)
-"""Load per length of the rod: the weight acts at the boundaries."""
 TURNING = 1e-3
 """Drag on rotations over that on positions, L^2: just enough to damp a free spin."""
 
@@ -174,7 +172,7 @@ def residuals(state, model, step, work):
     elements = h.shape[0]
     work.acc[:] = 0.0
     gradient(
-        q, F, WEIGHTLESS, model.K, model.natural, h, model.s0, tables, work.lanes, work.acc, work.g,
+        q, F, model.f, model.K, model.natural, h, model.s0, tables, work.lanes, work.acc, work.g,
         work.radial, work.totals,
     )  # fmt: skip
     blocks = (work.lanes.shape[0] - 1) // elements

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -168,7 +169,7 @@ class NodalRod(Rod):
         self._slips = np.zeros((elements + 1, count), bool)
         self._step: Step | None = None
         self._moved = False  # whether `before` is the equilibrium before the last
-        self._model = Model(self.K, self.natural, self.h, self.s0, self.tables)
+        self._model = Model(np.zeros(3), self.K, self.natural, self.h, self.s0, self.tables)
         self._work = workplace(self.g, self.radial, self.acc, self.totals, self.h, self.tables, count)
         self._tangents = Tangents(self.elastic, self.geometric, self.parts, self.C)
         self._rows, self._band = spaces(self.h, self.tables, count)
@@ -207,6 +208,20 @@ class NodalRod(Rod):
         normals, forces = np.empty_like(self.frames), np.empty_like(self.frames)
         contact_frames(self.state, self._under, self.frames, normals, forces)
         return normals, forces
+
+    def lies_on(self, level: float) -> np.ndarray:
+        """(m + 1, o) bool: where it presses on each obstacle, and from one such place to the next where all
+        gaps between are less than `level` / cells^2.
+        """
+        pressed = self.state.lam != 0.0
+        out = pressed.copy()
+        for o, obstacle in enumerate(self._under):
+            at = np.flatnonzero(pressed[:, o])
+            for low, high in pairwise(at.tolist()):
+                between = self.state.r[low + 1 : high]
+                if all(gaps(obstacle[None], r)[0] < level / self.cells**2 for r in between):
+                    out[low:high, o] = True
+        return out
 
     def sliding(self) -> np.ndarray:
         """(m + 1, o): which contacts slide."""

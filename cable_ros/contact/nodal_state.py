@@ -52,6 +52,8 @@ class State(NamedTuple):
 class Model(NamedTuple):
     """Section and mesh; never change."""
 
+    f: np.ndarray
+    """(3,) zero: the load acts at the boundaries, see `Step.f`."""
     K: np.ndarray
     """(3,) stiffness about the section's axes, EI."""
     natural: np.ndarray

@@ -18,7 +18,6 @@ from cable_ros.contact.nodal_kernels import (
     OPEN,
     STICK,
     TURNING,
-    WEIGHTLESS,
     YIELD,
     project,
     slid,
@@ -87,7 +86,7 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
     nd = 3 * (order + 1)
     cell = 1.0 / (elements - 1)
     hessian(
-        q, F, WEIGHTLESS, model.K, model.natural, model.h, model.s0, model.tables, work.radial, elastic,
+        q, F, model.f, model.K, model.natural, model.h, model.s0, model.tables, work.radial, elastic,
         geometric, parts, C,
     )  # fmt: skip
     total, low = number(work.near, order, rows)

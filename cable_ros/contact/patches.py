@@ -115,7 +115,9 @@ def fill(points, count, h, s0, covered):
             if now[o, g] and not covered[o, g]:
                 count = sample(points, count, o, g, h, s0)
                 changes += 1
-    covered[:] = now
+    for o in range(now.shape[0]):
+        for g in range(now.shape[1]):
+            covered[o, g] = now[o, g]
     return changes, count
 
 

@@ -67,48 +67,62 @@ class Softened:
         return rod.apply_hessian(s) + (V @ s / rod.delta[3 : rod.rows]) @ V
 
     def harden(self, x: np.ndarray) -> None:
-        """Make of what is inside at x contact points and stretches, which bear the same forces."""
+        """Make of what is inside at x contact points and patches, which bear the same forces."""
         rod = self.rod
         self._press(x)
-        pressed = rod.points[: rod.count].copy()
-        new: list[np.ndarray] = []
-        for o in np.unique(pressed[:, OBSTACLE]):
-            rows = pressed[pressed[:, OBSTACLE] == o]
-            rows = rows[np.argsort(rows[:, PLACE])]
-            for run in np.split(rows, np.flatnonzero(np.diff(rows[:, PLACE]) > 1.5 * rod.spacing) + 1):
-                new += self._hardened(x, run)
-        rod.count = min(len(new), len(rod.points))
-        if new:
-            rod.points[: rod.count] = new[: rod.count]
+        points = rod.points[: rod.count]
+        give_contacts(rod, x, points[:, OBSTACLE].copy(), points[:, PLACE].copy(), points[:, FORCE].copy())
 
-    def _hardened(self, x: np.ndarray, run: np.ndarray) -> list[np.ndarray]:
-        """Contact points for a `run` (k, COLUMNS) of samples side by side that are inside an obstacle."""
-        rod, total = self.rod, run[:, FORCE].sum()
-        low, high = run[0, PLACE], run[-1, PLACE]
-        assert rod.obstacles is not None
-        ob = rod.obstacles[int(run[0, OBSTACLE])]
-        template = np.zeros(COLUMNS)
-        template[OBSTACLE], template[TIE] = run[0, OBSTACLE], -1.0
-        if high - low < (LONGEST_POINT - 0.5) * rod.spacing:
-            deepest = run[np.argmax(run[:, FORCE]), PLACE]
-            template[PLACE] = lowest(
-                x, rod.h, rod.s0, rod.mesh.element.nodes, rod.c, deepest, 0.5 * rod.spacing, ob
-            )
-            template[FORCE] = total
-            return [template]
-        out = []
-        if low > 1.5 * rod.spacing or not grounded(rod.c, rod.h, rod.s0, ob, 0.0):
-            out.append((low, FIRST, run[0, FORCE]))
-        else:
-            low = 0.0
-        if high < 1.0 - 1.5 * rod.spacing or not grounded(rod.c, rod.h, rod.s0, ob, 1.0):
-            out.append((high, LAST, run[-1, FORCE]))
-        else:
-            high = 1.0
-        # samples of the elements take their place once there is a mesh
-        inner = rod.samples[(rod.samples > low) & (rod.samples < high)]
-        out += [(s, SAMPLE, total / len(inner)) for s in inner]
-        rows = np.tile(template, (len(out), 1))
-        rows[:, [PLACE, KIND, FORCE]] = out
-        rows[rows[:, KIND] == SAMPLE, LENGTH] = rod.spacing
-        return list(rows)
+
+def give_contacts(
+    rod: ActiveSetRod, q: np.ndarray, obstacles: np.ndarray, places: np.ndarray, forces: np.ndarray,
+    spacing: float | None = None,
+) -> None:  # fmt: skip
+    """Give the rod of shape q (n, 4) contact points and patches for forces that press it side by side.
+
+    Args:
+        obstacles, places, forces: (k,) which obstacle each is of, its arc length, its size.
+        spacing: of the places; None: the rod's samples. `rod.c` is the curve of q.
+    """
+    spacing = rod.spacing if spacing is None else spacing
+    new: list[np.ndarray] = []
+    for o in np.unique(obstacles):
+        which = np.flatnonzero(obstacles == o)
+        which = which[np.argsort(places[which])]
+        for run in np.split(which, np.flatnonzero(np.diff(places[which]) > 1.5 * spacing) + 1):
+            new += _contacts(rod, q, int(o), places[run], forces[run], spacing)
+    rod.count = min(len(new), len(rod.points))
+    if new:
+        rod.points[: rod.count] = new[: rod.count]
+
+
+def _contacts(
+    rod: ActiveSetRod, q: np.ndarray, obstacle: int, places: np.ndarray, forces: np.ndarray, spacing: float
+) -> list[np.ndarray]:
+    """Rows (COLUMNS,) of contact points for forces at `places` (k,), rising, `spacing` apart."""
+    low, high, total = places[0], places[-1], forces.sum()
+    assert rod.obstacles is not None
+    ob = rod.obstacles[obstacle]
+    template = np.zeros(COLUMNS)
+    template[OBSTACLE], template[TIE] = obstacle, -1.0
+    if high - low < (LONGEST_POINT - 0.5) * spacing:
+        deepest = places[np.argmax(forces)]
+        template[PLACE] = lowest(q, rod.h, rod.s0, rod.mesh.element.nodes, rod.c, deepest, 0.5 * spacing, ob)
+        template[FORCE] = total
+        return [template]
+    out = []
+    if low > 1.5 * spacing or not grounded(rod.c, rod.h, rod.s0, ob, 0.0):
+        out.append((low, FIRST, forces[0]))
+    else:
+        low = 0.0
+    if high < 1.0 - 1.5 * spacing or not grounded(rod.c, rod.h, rod.s0, ob, 1.0):
+        out.append((high, LAST, forces[-1]))
+    else:
+        high = 1.0
+    # samples of the elements take their place once there is a mesh
+    inner = rod.samples[(rod.samples > low) & (rod.samples < high)]
+    out += [(s, SAMPLE, total / len(inner)) for s in inner]
+    rows = np.tile(template, (len(out), 1))
+    rows[:, [PLACE, KIND, FORCE]] = out
+    rows[rows[:, KIND] == SAMPLE, LENGTH] = rod.spacing
+    return list(rows)

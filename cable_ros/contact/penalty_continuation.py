@@ -11,7 +11,7 @@ from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.edge_rounding import blunted, sharpen
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.penalty import Softened
-from cable_ros.contact.points import FORCE, FRICTION, KIND, OBSTACLE, PLACE, POINT, TIE
+from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE, TIE
 from cable_ros.rod import warm_step
 from cable_ros.solve.trust_region import Options, minimize
 
@@ -85,8 +85,7 @@ def _descend(
             return (q, F, total) if rod.refactor(q, F) else None
         if taut:
             q = rod.resolve(q, F)
-        if (rod.points[: rod.count, KIND] != POINT).any():
-            q = rod.fit(q)
+        q = rod.fit_patches(q)
         code, iterations, q_new, F_new = rod.touch(
             q, F, rod.qe, rod.re, rod.f, options.step_tolerance, 1.0, rod.obstacles
         )

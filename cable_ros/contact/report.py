@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cable_ros.compilation import njit
 from cable_ros.contact.points import FORCE, FRICTION, HELD, LENGTH, OBSTACLE, PLACE, SLIPS
 from cable_ros.equilibrium import ContactTable
+from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import position
 from cable_ros.rod.units import Units
 
@@ -36,7 +36,7 @@ def contact_table(
     """
     order = np.argsort(points[:, PLACE], kind="stable")
     points, normals = points[order], normals[order]
-    turn = Rotation.from_quat(start[3:]).as_matrix().T
+    turn = quaternion.matrix_from_ros(start[3:]).T
     which, friction = points[:, OBSTACLE].astype(int), points[:, FRICTION:HELD]
     cone, size = coefficients[which] * points[:, FORCE], np.linalg.norm(friction, axis=1)
     places = np.ascontiguousarray(points[:, PLACE])
@@ -71,7 +71,7 @@ def on_grid(
         names, start, units: as in `contact_table`.
     """
     places, positions, normals, forces, obstacles, sliding, spread = touching
-    turn = Rotation.from_quat(start[3:]).as_matrix().T
+    turn = quaternion.matrix_from_ros(start[3:]).T
     return ContactTable(
         names=tuple(names),
         obstacle=obstacles,

@@ -31,6 +31,8 @@ FAINT = 1e-9
 """EI / L^2; a point with less force than this turns no force by its motion."""
 SINGULAR = 1e-11
 """A factorisation with a worse pivot has lost its digits; as in `bordered.factor`."""
+CONDITION = 1e13
+"""Nor has a system of a greater condition any left."""
 
 
 class Contacts(NamedTuple):
@@ -197,15 +199,10 @@ def wrench_response(
     b = columns(*hessian, 0, 3) @ x_clamps[:3] + columns(*hessian, n - 3, 3) @ x_clamps[3:]
     b -= flat.T @ explicit.reshape(3 * m, motions)
 
-    X = np.concatenate([W.T, b], axis=1)
-    worst = solve_inner(*hessian, order, X)
     try:
-        if not worst > SINGULAR:
-            raise np.linalg.LinAlgError
-        y = np.linalg.solve(V @ X[:, :size] + D, V @ X[:, size:] - c)
+        x, y = _solve(hessian, order, rows, b)
     except np.linalg.LinAlgError:
         return np.full((motions, motions), np.nan)
-    x = X[:, :size] @ y - X[:, size:]
 
     # the wrenches
     moments = b - W.T @ y  # of the clamps on the cable, at their nodes
@@ -229,6 +226,31 @@ def wrench_response(
         out[first : first + 3] = dP[on].sum(axis=0)
         out[first + 3 : first + 6] = dM[on].sum(axis=0)
     return out
+
+
+def _solve(
+    hessian: tuple[np.ndarray, np.ndarray], order: int, rows: Rows, b: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """x (3n, motions), y (rows, motions) with H x - W^T y = -b, V x + D y = -c; at the ends x = 0.
+
+    Raises:
+        LinAlgError: the equations are singular.
+    """
+    size, n = rows.V.shape
+    X = np.concatenate([rows.W.T, b], axis=1)
+    if solve_inner(*hessian, order, X) > SINGULAR:
+        y = np.linalg.solve(rows.V @ X[:, :size] + rows.D, rows.V @ X[:, size:] - rows.c)
+        return X[:, :size] @ y - X[:, size:], y
+    # what holds the cable may make good what is singular without it, as a loop's turn on the ground
+    inner = slice(3, n - 3)
+    H = columns(*hessian, 0, n)[inner, inner]
+    whole = np.block([[H, -rows.W.T[inner]], [rows.V[:, inner], rows.D]])
+    if not np.linalg.cond(whole) < CONDITION:
+        raise np.linalg.LinAlgError
+    both = np.linalg.solve(whole, -np.concatenate([b[inner], rows.c]))
+    x = np.zeros((n, b.shape[1]))
+    x[inner] = both[: n - 6]
+    return x, both[n - 6 :]
 
 
 def _mobilised(

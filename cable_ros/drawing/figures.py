@@ -7,7 +7,7 @@ angles are drawn in degrees, lengths in mm where everything is shorter than a me
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cable_ros.common.printable import escaped
-from cable_ros.drawing.silhouettes import farthest, silhouette
+from cable_ros.drawing.robot import RobotPose
+from cable_ros.drawing.silhouettes import silhouette
 from cable_ros.scene.obstacles import Plane
 from cable_ros.scene.obstacles import Shape as Solid
 
@@ -102,6 +103,7 @@ def shapes_figure(
     title: str,
     legend_title: str = "",
     obstacles: Sequence[Solid] = (),
+    robots: Sequence[RobotPose] = (),
 ) -> Figure:
     """The shapes in the XOZ, YOZ and XOY planes, placed as in an engineering drawing.
 
@@ -110,10 +112,12 @@ def shapes_figure(
         title: line above the drawing.
         legend_title: what the labels are values of, such as the joint.
         obstacles: shapes of obstacles in the world.
+        robots: the robot at some of the labels' poses, drawn pale in their colours.
 
     Source: Fig. 8 of the paper (Nonlinear Dynamics 94, 649-667) has the same three projections.
     """
-    low, high = _bounds(shapes, obstacles)
+    carried = [solid for robot in robots for solid in robot.carried]
+    low, high = _bounds(shapes, [*obstacles, *carried], [robot.lines.reshape(-1, 3) for robot in robots])
     scale, unit = (1e3, "mm") if np.max(high - low) < 1 else (1.0, "m")
     extent = high - low
     with _style():
@@ -132,6 +136,8 @@ def shapes_figure(
                 outline = silhouette(obstacle, across, up, low, high)
                 if len(outline):
                     axes.fill(*outline.T * scale, facecolor="#eeeeee", edgecolor="#bbbbbb", zorder=0.5)
+            for robot in robots:
+                _draw_robot(axes, robot, (across, up), (low, high), scale, colours[robot.label])
             for shape in shapes:
                 curve = shape.points[:, [across, up]] * scale
                 axes.plot(*curve.T, color=colours[shape.label], linestyle=styles[shape.cable])
@@ -145,8 +151,22 @@ def shapes_figure(
             axes.set_ylim(low[up] * scale, high[up] * scale)
             axes.set_aspect("equal")
             axes.set_axisbelow(True)
-        _shape_legend(grid[1, 1], legend_title, colours, styles)
+        _shape_legend(grid[1, 1], legend_title, colours, styles, with_links=bool(robots))
     return figure
+
+
+def _draw_robot(
+    axes: Axes, robot: RobotPose, plane: tuple[int, int], bounds: tuple[np.ndarray, np.ndarray],
+    scale: float, colour: tuple[float, ...],
+) -> None:  # fmt: skip
+    """Links as pale lines with a dot at each joint; what they carry as outlines."""
+    for solid in robot.carried:
+        outline = silhouette(solid, *plane, *bounds)
+        if len(outline):
+            axes.fill(*outline.T * scale, facecolor=(*colour[:3], 0.08), edgecolor=colour, linewidth=0.6)
+    for line in robot.lines:
+        axes.plot(*line[:, list(plane)].T * scale, color=colour, alpha=0.3, linewidth=5, zorder=1)
+        axes.plot(*line[0, list(plane)] * scale, "o", color=colour, alpha=0.5, markersize=6, zorder=1)
 
 
 def wrench_figure(
@@ -195,6 +215,45 @@ def wrench_figure(
     return figure
 
 
+def load_figure(
+    abscissa: Abscissa, values: np.ndarray, loads: Mapping[str, np.ndarray], prismatic: Collection[str] = ()
+) -> Figure:
+    """What all cables together exert on each joint, against a joint or the time.
+
+    Args:
+        abscissa: what the values are.
+        values: (m,) in SI.
+        loads: by joint: (m,) torque, N m, or on a prismatic one the force, N; NaN is a gap.
+        prismatic: the joints that have forces, which get axes of their own.
+    """
+    torques = {joint: load for joint, load in loads.items() if joint not in prismatic}
+    forces = {joint: load for joint, load in loads.items() if joint in prismatic}
+    with _style():
+        rows = [one for one in (torques, forces) if one]
+        figure = Figure(figsize=(8.0, 0.9 + 3.0 * len(rows)), layout="constrained")
+        title = "Joint load: what all cables exert on each joint"
+        figure.suptitle(title, x=0.02, ha="left", fontsize=12, fontweight="bold")
+        grid = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, shown in zip(grid, rows, strict=True):
+            axes.axhline(0, color="#999999", linewidth=0.8)
+            moment_scale, moment_unit = _moment_unit(np.vstack(list(shown.values())))
+            scale = 1.0 if shown is forces else moment_scale
+            for index, (joint, load) in enumerate(shown.items()):
+                colour = COMPONENT_COLOURS[index % len(COMPONENT_COLOURS)]
+                style = LINE_STYLES[index // len(COMPONENT_COLOURS) % len(LINE_STYLES)]
+                axes.plot(
+                    values * abscissa.scale, load * scale, color=colour, linestyle=style,
+                    label=literal(joint), marker=".", markersize=4, markeredgewidth=0,
+                )  # fmt: skip
+            axes.set_ylabel("force (N)" if shown is forces else f"torque ({moment_unit})")
+            axes.margins(x=0.01)
+            axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        grid[-1].set_xlabel(f"{abscissa.name} ({abscissa.unit})")
+        note = "Positive along the joint's axis; what a controller subtracts."
+        figure.supxlabel(note, x=0.02, ha="left", fontsize=9, color="#666666")
+    return figure
+
+
 def save(figure: Figure, path: Path) -> Path:
     """Write the figure, as the suffix says; the folder is made where it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -209,14 +268,16 @@ def _style() -> Iterator[None]:
         yield
 
 
-def _bounds(shapes: Sequence[Shape], obstacles: Sequence[Solid]) -> tuple[np.ndarray, np.ndarray]:
+def _bounds(
+    shapes: Sequence[Shape], obstacles: Sequence[Solid], beside: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     points = np.vstack([shape.points for shape in shapes])
     low, high = points.min(axis=0), points.max(axis=0)
-    # An obstacle is seen whole as far as it does not make the cables small.
+    # An obstacle, or a point beside the cables, is seen as far as it does not make the cables small.
     reach = 0.5 * np.max(high - low)
     ways = np.vstack([np.eye(3), -np.eye(3)])
-    bounded = [farthest(obstacle, ways) for obstacle in obstacles if not isinstance(obstacle, Plane)]
-    corners = np.clip(np.vstack([points, *bounded]), low - reach, high + reach)
+    bounded = [obstacle.farthest(ways) for obstacle in obstacles if not isinstance(obstacle, Plane)]
+    corners = np.clip(np.vstack([points, *bounded, *beside]), low - reach, high + reach)
     low, high = corners.min(axis=0), corners.max(axis=0)
     # A plane cable has no extent across its plane; a fifth of the largest keeps its panel readable.
     short = np.maximum(0.2 * np.max(high - low) - (high - low), 0) / 2
@@ -237,8 +298,9 @@ def _styles(shapes: Sequence[Shape]) -> dict[str, object]:
 
 
 def _shape_legend(
-    axes: Axes, title: str, colours: Mapping[str, tuple[float, ...]], styles: Mapping[str, object]
-) -> None:
+    axes: Axes, title: str, colours: Mapping[str, tuple[float, ...]], styles: Mapping[str, object],
+    with_links: bool = False,
+) -> None:  # fmt: skip
     axes.axis("off")
     handles = [Line2D([], [], color=colour, linewidth=2.4, label=label) for label, colour in colours.items()]
     if len(styles) > 1:
@@ -249,6 +311,8 @@ def _shape_legend(
         Line2D([], [], color="#222222", marker="s", linestyle="", label="start clamp"),
         Line2D([], [], color="#777777", marker="o", linestyle="", label="end clamp"),
     ]
+    if with_links:
+        handles.append(Line2D([], [], color="#777777", alpha=0.3, linewidth=5, label="links of the robot"))
     axes.legend(handles=handles, title=title, loc="center", ncols=1 if len(handles) <= 11 else 2)
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.rod.quaternion import from_ros, rotate
-from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from cable_ros.scene.obstacles import Plane, Shape
 
 _DIRECTIONS = 120  # of an outline's points; a circle of as many corners looks round
 _EDGE_ON = 1e-9  # a plane whose normal leans farther out of the drawing fills all of it
@@ -23,26 +22,7 @@ def silhouette(shape: Shape, across: int, up: int, low: np.ndarray, high: np.nda
     angles = np.linspace(0.0, 2 * np.pi, _DIRECTIONS, endpoint=False)
     directions = np.zeros((len(angles), 3))
     directions[:, across], directions[:, up] = np.cos(angles), np.sin(angles)
-    return farthest(shape, directions)[:, [across, up]]
-
-
-def farthest(shape: Sphere | Capsule | Cylinder | Box, directions: np.ndarray) -> np.ndarray:
-    """(m, 3) the shape's farthest points in unit directions (m, 3)."""
-    if isinstance(shape, Sphere):
-        return shape.center + shape.radius * directions
-    if isinstance(shape, Box):
-        turn = from_ros(shape.orientation)
-        axes = np.column_stack([rotate(turn, axis) for axis in np.eye(3)])
-        return shape.center + 0.5 * (np.sign(directions @ axes) * shape.size) @ axes.T
-    ends = np.where(directions @ (shape.end - shape.start) > 0, 1.0, 0.0)[:, None]
-    axis = shape.start + ends * (shape.end - shape.start)
-    if isinstance(shape, Capsule):
-        return axis + shape.radius * directions
-    along = (shape.end - shape.start) / np.linalg.norm(shape.end - shape.start)
-    across = directions - np.outer(directions @ along, along)
-    size = np.linalg.norm(across, axis=1, keepdims=True)
-    # Straight along the axis every point of the end face is as far: its centre.
-    return axis + shape.radius * np.divide(across, size, out=np.zeros_like(across), where=size > 1e-12)
+    return shape.farthest(directions)[:, [across, up]]
 
 
 def _half_plane(plane: Plane, across: int, up: int, low: np.ndarray, high: np.ndarray) -> np.ndarray:

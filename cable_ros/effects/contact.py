@@ -10,10 +10,10 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cable_ros.contact.distance import BOX, CAPSULE, CYLINDER, PLANE, SPHERE, WIDTH
 from cable_ros.effects.effect import Environment, Properties
+from cable_ros.rod.quaternion import matrix_from_ros
 from cable_ros.scene import Cable, Scene
 from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, Sphere
 
@@ -54,7 +54,7 @@ def encode(obstacles: Sequence[Obstacle], radius: float) -> np.ndarray:
             turn = _facing(axis / np.linalg.norm(axis))
         elif isinstance(shape, Box):
             row[0], row[1:4], row[13:16] = BOX, shape.center, 0.5 * shape.size
-            turn = Rotation.from_quat(shape.orientation).as_matrix()
+            turn = matrix_from_ros(shape.orientation)
         row[4:13] = turn.ravel()
         row[16] = radius if obstacle.cable_radius_counts else 0.0
     return out

@@ -5,16 +5,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from importlib import import_module
+from typing import Any, cast
 
 import numpy as np
 
-from cable_ros.effects import contact, dose, friction, natural_strain, shear, stretch, temperature, weight
 from cable_ros.effects.effect import Effect, Environment, Properties
-from cable_ros.scene import Cable, Scene
+from cable_ros.scene import EFFECTS, Cable, Scene
 
-ALL: tuple[Effect, ...] = (weight, natural_strain, temperature, dose, stretch, shear, contact, friction)
-"""In the order of `scene.EFFECTS`."""
+ALL: tuple[Effect, ...] = tuple(cast(Effect, import_module(f"cable_ros.effects.{name}")) for name in EFFECTS)
+"""The module of this folder that each name of `scene.EFFECTS` means."""
 
 
 def called_for(scene: Scene, cable: Cable) -> tuple[str, ...]:

@@ -189,16 +189,34 @@ def complement(V, W, rows, order, U, pivots, Y, S):
 
 
 @njit(**OPTIONS)
-def border_step(g, c, V, rows, order, U, pivots, Y, S, s, y):
-    """s (3n,), y (rows,) with H s - V^T y = -g, V s + delta y = -c; s = 0 at the ends."""
+def complement_factors(S, rows):
+    """What `border_solve` needs of the complement S: its factors and their swaps, of three rows itself."""
+    swaps = np.empty(rows, np.int64)
+    if rows == 3:
+        return S, swaps
+    factors = S[:rows, :rows].copy()
+    dense.factor(factors, swaps)
+    return factors, swaps
+
+
+@njit(**OPTIONS)
+def border_solve(g, c, V, rows, order, U, pivots, Y, factors, swaps, s, y):
+    """`border_step` with what `complement_factors` made of the complement."""
     b = np.empty(rows)
     relax(g, order, U, pivots, s)
     missing(c, V, rows, s, b)
     if rows == 3:
-        solve3(S, b, y)
+        solve3(factors, b, y)
     else:
-        dense.solve(S[:rows, :rows], b, y)
+        dense.solve_factored(factors, swaps, b, y)
     respond(Y, rows, y, s)
+
+
+@njit(**OPTIONS)
+def border_step(g, c, V, rows, order, U, pivots, Y, S, s, y):
+    """s (3n,), y (rows,) with H s - V^T y = -g, V s + delta y = -c; s = 0 at the ends."""
+    factors, swaps = complement_factors(S, rows)
+    border_solve(g, c, V, rows, order, U, pivots, Y, factors, swaps, s, y)
 
 
 @njit(**LEAF)

@@ -76,15 +76,15 @@ def positive(S):
 
 
 @njit(**OPTIONS)
-def solve(S, b, x):
-    """x = S^-1 b for a matrix S (n, n), by elimination with the largest pivot of each column.
+def factor(A, swaps):
+    """Replace the matrix A (n, n) by its factors L and U, with the largest pivot of each column.
+
+    swaps (n,) receives the row that came to stand in each place.
 
     Raises:
-        LinAlgError: S is singular or not finite.
+        LinAlgError: A is singular or not finite.
     """
-    n = S.shape[0]
-    A = S.copy()
-    x[:n] = b
+    n = A.shape[0]
     for k in range(n):
         p = k
         for i in range(k + 1, n):
@@ -93,16 +93,32 @@ def solve(S, b, x):
         d = A[p, k]
         if not 0.0 < abs(d) < np.inf:
             raise np.linalg.LinAlgError("a singular matrix")
+        swaps[k] = p
         if p != k:
-            for j in range(k, n):
+            for j in range(n):
                 A[k, j], A[p, j] = A[p, j], A[k, j]
-            x[k], x[p] = x[p], x[k]
         for i in range(k + 1, n):
             v = A[i, k] / d
+            A[i, k] = v
             if v != 0.0:
                 for j in range(k + 1, n):
                     A[i, j] -= v * A[k, j]
-                x[i] -= v * x[k]
+
+
+@njit(**OPTIONS)
+def solve_factored(A, swaps, b, x):
+    """x (n,) = A^-1 b for what `factor` made of A."""
+    n = A.shape[0]
+    for i in range(n):
+        x[i] = b[i]
+    for k in range(n):
+        p = swaps[k]
+        x[k], x[p] = x[p], x[k]
+    for k in range(1, n):
+        v = x[k]
+        for j in range(k):
+            v -= A[k, j] * x[j]
+        x[k] = v
     for k in range(n - 1, -1, -1):
         v = x[k]
         for j in range(k + 1, n):

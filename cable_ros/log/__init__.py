@@ -1,1 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Logs in MCAP: written, recovered, read and solved again."""

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cable_ros.log.errors import LogError
+from cable_ros.log.joint_state_cdr import JOINT_STATE
 from cable_ros.log.reader import LogReader
 from cable_ros.log.run import PATH, LoggedRun, Solve
 
@@ -28,6 +29,8 @@ class History:
     cable had no trusted equilibrium."""
     polylines: dict[str, np.ndarray]
     """By cable: (k,) which of the solves have a polyline in the log."""
+    joint_load: dict[str, np.ndarray] = field(default_factory=dict)
+    """By joint: (m,) torque of all cables on it, N m, or N on a prismatic one; NaN where none is logged."""
 
 
 def read_history(path: str | Path) -> History:
@@ -42,6 +45,7 @@ def read_history(path: str | Path) -> History:
         run = LoggedRun([reader])
         items = tqdm(run, total=run.count, desc=f"reading {path}", unit="pose", disable=None, leave=False)
         solves = [item for item in items if isinstance(item, Solve)]
+        loads = _loads(reader)
     names = tuple(dict.fromkeys(name for solve in solves for name in solve.joints))
     cables = dict.fromkeys(cable for solve in solves for cable, _ in solve.wrenches)
     missing = np.full(6, np.nan)
@@ -57,7 +61,31 @@ def read_history(path: str | Path) -> History:
             cable: np.array([i for i, solve in enumerate(solves) if cable in solve.polylines], dtype=int)
             for cable in cables
         },
+        joint_load={
+            joint: np.array([of_stamp.get(solve.stamp, np.nan) for solve in solves])
+            for joint, of_stamp in loads.items()
+        },
     )
+
+
+def _loads(reader: LogReader) -> dict[str, dict[int, float]]:
+    """By joint and stamp, ns: what the cables exert on it. The stamp is that of the joint state."""
+    out: dict[str, dict[int, float]] = {}
+    topics = [
+        topic.name
+        for topic in reader.topics.values()
+        if topic.type_name == JOINT_STATE and topic.name.endswith("/joint_load")
+    ]
+    for _, message in reader.decoded(topics) if topics else ():
+        try:
+            stamp = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+            for joint, load in zip(map(str, message.name), map(float, message.effort), strict=False):
+                out.setdefault(joint, {})[stamp] = load
+        except (AttributeError, TypeError, ValueError) as error:
+            raise LogError(
+                f"{reader.path}: a joint load has not the fields of a {JOINT_STATE} ({error})."
+            ) from None
+    return out
 
 
 def read_polyline(path: str | Path, cable: str, time: int) -> np.ndarray:

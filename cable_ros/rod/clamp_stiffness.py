@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import gradient, workspace
 from cable_ros.rod.warm_step import end_coupling, end_rows, saddle_step
@@ -35,19 +35,25 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
     Fb = quaternion.rotate(back, F)
     M = g[nodes - 1]
     for k in range(9):
-        right[:], c[:], theta[:], unit[:] = 0.0, 0.0, 0.0, 0.0
+        for i in range(n):
+            right[i] = 0.0
+        for i in range(3):
+            c[i], theta[i], unit[i] = 0.0, 0.0, 0.0
         unit[k % 3] = 1.0
         if k < 3:
-            c[:] = -quaternion.rotate(qe, unit)
+            x, y, z = quaternion.turned(qe, unit)
+            c[0], c[1], c[2] = -x, -y, -z
         elif k < 6:
-            theta[:] = unit
+            theta[k - 3] = 1.0
             end_coupling(elastic, geometric, C, 3, theta, right, c)
         else:
             # the gradient is linear in the load: that of a cable without stiffness and end force is its
             # derivative
             pull, force = np.zeros((nodes, 4)), np.zeros((h.shape[0], 3))
             gradient(q, force, unit, nothing, nothing, h, s0, tables, lanes, pull, load, radial, totals)
-            right[:] = load.ravel()
+            for i in range(nodes):
+                for a in range(3):
+                    right[3 * i + a] = load[i, a]
         saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
         moment = end_rows(elastic, geometric, C, 3, s, dF)
         for i in range(3):
@@ -56,9 +62,9 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
                 row, at = n - 3 + max(i, j), band - abs(i - j)
                 moment[i] += (elastic[row, at] + geometric[row, at]) * theta[j]
         # components along axes that turn with the clamp; the gradient's half turn is the chart's
-        turned = np.cross(theta, Fb)
-        half = np.cross(theta, M)
-        dFb = quaternion.rotate(back, dF)
+        turned = _cross(theta, Fb)
+        half = _cross(theta, M)
+        dFb = quaternion.turned(back, dF)
         for i in range(3):
             inner[i, k] = -dF[i] - (unit[i] if k >= 6 else 0.0)
             inner[3 + i, k] = right[i]
@@ -70,13 +76,16 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
             inner[9 + i, k] = moment[i] - 0.5 * half[i]
     # seen from the start clamp that moves, the end and the load move the other way
     out = np.empty((12, 12))
-    out[:, 6:] = inner[:, :6]
+    for i in range(12):
+        for k in range(6):
+            out[i, 6 + k] = inner[i, k]
     for k in range(3):
-        unit[:] = 0.0
+        for i in range(3):
+            unit[i] = 0.0
         unit[k] = 1.0
-        along = quaternion.rotate(back, unit)
-        across = quaternion.rotate(back, np.cross(unit, re))
-        turned = np.cross(unit, f)
+        along = quaternion.turned(back, unit)
+        across = quaternion.turned(back, _cross(unit, re))
+        turned = _cross(unit, f)
         for i in range(12):
             slide, turn = 0.0, 0.0
             for a in range(3):
@@ -85,3 +94,9 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
             out[i, k] = slide
             out[i, 3 + k] = turn
     return out
+
+
+@njit(**LEAF)
+def _cross(a, b):
+    """The cross product of two vectors (3,), as a tuple."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

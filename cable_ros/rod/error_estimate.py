@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.linalg import banded
-from cable_ros.linalg.bordered import border_step, end_rows, solve3
+from cable_ros.linalg.bordered import border_solve, border_step, complement_factors, end_rows, solve3
 from cable_ros.rod.energy_kernels import increments, second, section, tangent_derivative
 from cable_ros.rod.units import norm3, relative_change
 
@@ -37,10 +37,11 @@ def margin(elastic, V, rows, order, L, pivots, Y, S, mode, waves, repeats):
     for i in range(n):
         mode[i] += STIR * waves[i]
     banded.multiply(elastic, mode, y)
+    factors, swaps = complement_factors(S, rows)
     for _ in range(repeats):
         for i in range(n):
             y[i] = -y[i]
-        border_step(y, zero, V, rows, order, L, pivots, Y, S, x, dF)
+        border_solve(y, zero, V, rows, order, L, pivots, Y, factors, swaps, x, dF)
         top = 0.0
         for i in range(n):
             top -= x[i] * y[i]
@@ -188,7 +189,13 @@ def error(
 @njit(**OPTIONS)
 def relative_error(change, F, moment, shares, least):
     """The estimated relative error of an end wrench F (3,), `moment` (3,) from what `error` found."""
-    signed = relative_change(change, np.concatenate((F, moment)), least)
+    wrench = np.empty(6)
+    for a in range(3):
+        wrench[a], wrench[3 + a] = F[a], moment[a]
+    signed = relative_change(change, wrench, least)
     # the signed change can cancel; the energy that a finer mesh would set free cannot
     size = max(norm3(moment), np.sqrt(norm3(F)), least)
-    return max(signed, 0.5 * shares.sum() / size)
+    energy = 0.0
+    for share in shares:
+        energy += share
+    return max(signed, 0.5 * energy / size)

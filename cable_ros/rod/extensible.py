@@ -232,7 +232,8 @@ class StretchingRod(Rod):
 
     def _turning_load(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """(12, 12) part of `clamp_stiffness`: the stretch's gradient is quadratic in the force, so its
-        central difference by the load is exact."""
+        central difference by the load is exact.
+        """
         order = self.mesh.element.order
         out = np.zeros((12, 12))
         for k in range(3):

@@ -113,7 +113,8 @@ def stretch_gradient(q, F, f, compliance, h, s0, N, points, weights, acc, totals
 @njit(**OPTIONS)
 def stretch_hessian(q, F, f, compliance, h, s0, N, points, weights, geometric, parts, C, reach):
     """Add the second derivatives to `geometric`, `parts` and `C` of `energy_kernels.hessian`; reach (3, 3) by
-    F."""
+    F.
+    """
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     band = nd - 1

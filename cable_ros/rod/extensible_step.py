@@ -10,6 +10,7 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.linalg.bordered import negative3, schur
+from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import gradient, hessian, workspace
 from cable_ros.rod.extensible_kernels import stretch_gradient, stretch_hessian
@@ -77,8 +78,8 @@ def advance_stretching(
     s, dF, c = np.empty(n), np.empty(3), np.empty(3)
     last = q.shape[0] - 1
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
-    q_new[:] = q
-    F_new[:] = F
+    copy_rows(q, q_new)
+    copy(F, F_new)
     size, rate = 0.0, 0.0
     fresh = False
     for iteration in range(16):  # the first one predicts

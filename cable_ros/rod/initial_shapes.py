@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.rod import quaternion
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -72,15 +72,23 @@ def transport(t: np.ndarray) -> np.ndarray:
         turn[1] = a[1] * b[2] - a[2] * b[1]
         turn[2] = a[2] * b[0] - a[0] * b[2]
         turn[3] = a[0] * b[1] - a[1] * b[0]
-        size = np.sqrt((turn**2).sum())
+        size = _norm4(turn)
         if size < 1e-6:  # straight back: any axis across
             if abs(a[0]) < 0.7:
                 turn[0], turn[1], turn[2], turn[3] = 0.0, 0.0, a[2], -a[1]
             else:
                 turn[0], turn[1], turn[2], turn[3] = 0.0, -a[2], 0.0, a[0]
-            size = np.sqrt((turn**2).sum())
-        q[i] = quaternion.multiply(turn / size, q[i - 1])
+            size = _norm4(turn)
+        for k in range(4):
+            turn[k] /= size
+        q[i, 0], q[i, 1], q[i, 2], q[i, 3] = quaternion.product(turn, q[i - 1])
     return q
+
+
+@njit(**LEAF)
+def _norm4(q):  # type: ignore[no-untyped-def]
+    """Length of the quaternion q (4,)."""
+    return np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
 
 
 def closing_turn(q: np.ndarray, qe: np.ndarray) -> float:

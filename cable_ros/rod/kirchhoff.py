@@ -264,7 +264,8 @@ class Rod:
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Derivative (12, 12) of the clamps' wrenches by their motions; see
-        `clamp_stiffness.clamp_response`."""
+        `clamp_stiffness.clamp_response`.
+        """
         self.linearize(q, F)
         self.factor(-bordered.NEUTRAL)
         return clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic,

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
@@ -118,6 +120,18 @@ def matrices_from_ros(q):
         out[i, 2, 1] = 2.0 * (y * z + x * w)
         out[i, 2, 2] = 1.0 - 2.0 * (x * x + y * y)
     return out
+
+
+def matrix_from_ros(q: np.ndarray) -> np.ndarray:
+    """The rotation matrix (3, 3) of the quaternion x y z w, q (4,), which may be any but zero."""
+    x, y, z, w = (float(part) / math.sqrt(sum(float(one) ** 2 for one in q)) for part in q)
+    return np.array(
+        [
+            [x * x - y * y - z * z + w * w, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), -x * x - y * y + z * z + w * w],
+        ]
+    )
 
 
 def from_ros(q: np.ndarray) -> np.ndarray:

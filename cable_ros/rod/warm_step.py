@@ -19,6 +19,7 @@ from cable_ros.linalg.bordered import (
     saddle_step,
     solve3,
 )
+from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import gradient, hessian, workspace
 from cable_ros.rod.error_estimate import error, margin, relative_error
@@ -84,8 +85,8 @@ def advance(
     ready = known > 0 and same(f, places[0, 7:])
     jumped = ahead(known, shapes, forces, places, there, q_new, F_new) if known > 1 else 0.0
     if jumped == 0.0:
-        q_new[:] = q
-        F_new[:] = F
+        copy_rows(q, q_new)
+        copy(F, F_new)
     moved, size, rate = jumped, 0.0, 0.0
     fresh = False
     iteration = 0
@@ -121,8 +122,8 @@ def advance(
         turned = largest(s)
         if jumped > 0.0 and iteration == 0 and not turned <= 0.3 * jumped:
             # the path has bent: from the last equilibrium itself
-            q_new[:] = q
-            F_new[:] = F
+            copy_rows(q, q_new)
+            copy(F, F_new)
             moved, jumped, ready = 0.0, 0.0, False
             drift = np.inf if fresh else drift
             continue
@@ -218,12 +219,12 @@ def onward(origin, at, there):
 def remember(q, F, there, shapes, forces, places):
     """Put an equilibrium before the others, of which the last is forgotten."""
     for k in range(places.shape[0] - 1, 0, -1):
-        shapes[k] = shapes[k - 1]
-        forces[k] = forces[k - 1]
-        places[k] = places[k - 1]
-    shapes[0] = q
-    forces[0] = F
-    places[0] = there
+        copy_rows(shapes[k - 1], shapes[k])
+        copy(forces[k - 1], forces[k])
+        copy(places[k - 1], places[k])
+    copy_rows(q, shapes[0])
+    copy(F, forces[0])
+    copy(there, places[0])
 
 
 @njit(**LEAF)

@@ -33,17 +33,21 @@ from cable_ros.ros.frame_names import Frames, root_frame
 from cable_ros.ros.frames import tf_static, tf_static_outlet
 from cable_ros.ros.health import Health
 from cable_ros.ros.inlet import Inlet, Message
-from cable_ros.ros.lifetime import Lifetime
+from cable_ros.ros.lifetime import Lifetime, tell_last
 from cable_ros.ros.live_scene import LiveScene
 from cable_ros.ros.messages import diagnostics
 from cable_ros.ros.outbox import Outbox
 from cable_ros.ros.parameters import ParameterError
 from cable_ros.ros.preparation import Preparation, leave
 from cable_ros.ros.recorder import Outlet, log_path, type_name
+from cable_ros.ros.throttle import Throttle
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.load import load_scene
 from cable_ros.tracker import Tracker
 
+# As everywhere in ROS, other names are given by remapping.
+JOINT_STATES = "joint_states"
+ROBOT_DESCRIPTION = "robot_description"
 # Best effort: a lost state is not sent again, a newer one is better. The queue is emptied at every turn.
 _JOINT_STATES = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
 _CATCH_UP = 4e-3  # s; a backlog that takes longer than this to answer is skipped but for the newest
@@ -63,7 +67,16 @@ class CableNode(Node):
 
     def __init__(self) -> None:
         super().__init__("cable_node")
+        try:
+            self._set_up()
+        except (ParameterError, SceneError) as error:
+            tell_last(self, str(error))
+            raise
+
+    def _set_up(self) -> None:
         parameters.declare(self)
+        for sentence in parameters.unknown(self):
+            self.get_logger().warning(sentence)
         self._scene_path = parameters.scene_file(self._value("scene"))
         self._health = Health(self.get_fully_qualified_name(), str(self._scene_path))
         self._out = Outbox(self)
@@ -74,15 +87,14 @@ class CableNode(Node):
         self._preparation: Preparation | None = None
         self._log_is_due = False
         self._inlet: Inlet | None = None
+        self._throttle = Throttle()
         self._next = {"polylines": 0.0, "markers": 0.0}
         self._reported: tuple[Any, ...] = ()
         self._report_time = 0.0
         self._answer_time = 1e-4  # s, running mean
 
-        topic = self._value("joint_states_topic")
-        self._joint_states = Outlet(
-            self.resolve_topic_name(topic), type_name(JointState), _JOINT_STATES, None, exact=False
-        )
+        topic = self.resolve_topic_name(JOINT_STATES)
+        self._joint_states = Outlet(topic, type_name(JointState), _JOINT_STATES, None, exact=False)
         self._diagnostics = Outlet.create(self, DiagnosticArray, "/diagnostics", _DIAGNOSTICS)
         self._joint_load = Outlet.create(self, JointState, "~/joint_load", STREAM)
         self._joint_stiffness = Outlet.create(self, JointTrajectory, "~/joint_stiffness", STREAM)
@@ -169,15 +181,15 @@ class CableNode(Node):
             self._log_is_due = False
             self._start_log()
         if self._inlet is None:
-            topic = self._value("joint_states_topic")
-            self._inlet = Inlet(self, topic, _JOINT_STATES, self._on_joint_states)
+            self._inlet = Inlet(self, JOINT_STATES, _JOINT_STATES, self._on_joint_states)
 
     def _wait_for_robot(self) -> None:
-        topic = self.resolve_topic_name(self._value("robot_description_topic"))
+        topic = self.resolve_topic_name(ROBOT_DESCRIPTION)
         self._waiting = f"{self._scene_path} names no robot; waiting for its URDF on '{topic}'."
         self.get_logger().info(self._waiting)
         if self._robot is None:
-            self._robot = self.create_subscription(String, topic, self._on_robot_description, _LATCHED_INPUT)
+            take = self._on_robot_description
+            self._robot = self.create_subscription(String, ROBOT_DESCRIPTION, take, _LATCHED_INPUT)
 
     def _on_robot_description(self, message: String) -> None:
         if self._live is not None or self._preparation is not None:
@@ -243,9 +255,10 @@ class CableNode(Node):
         for name, equilibrium in live.equilibria.items():
             if not equilibrium.status.trusted:
                 text = f"{name}: {equilibrium.message} Nothing is published for it."
-                self.get_logger().error(text, throttle_duration_sec=5.0)
-            elif equilibrium.overlaps:
-                self.get_logger().warning(f"{name}: {equilibrium.message}", throttle_duration_sec=5.0)
+                if self._throttle.passes(text):
+                    self.get_logger().error(text)
+            elif equilibrium.overlaps and self._throttle.passes(f"{name}: {equilibrium.message}"):
+                self.get_logger().warning(f"{name}: {equilibrium.message}")
 
     def _is_time_for(self, what: str, rate: float) -> bool:
         """Whether the next one is due at this rate, Hz; 0: always."""
@@ -297,7 +310,8 @@ class CableNode(Node):
     def _note(self, sentence: str) -> None:
         """Tell what is wrong: in the next diagnostics, and now and then in the console."""
         self._health.note(sentence)
-        self.get_logger().warning(sentence, throttle_duration_sec=5.0)
+        if self._throttle.passes(sentence):
+            self.get_logger().warning(sentence)
 
     # -- the log -----------------------------------------------------------------------------------------
 
@@ -396,7 +410,8 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM.
 
     Returns:
-        0 after a clean stop; 2 where it could not start, with the reason in one sentence on stderr.
+        0 after a clean stop; 2 where it could not start, with the reason in one sentence on stderr, and on
+        /rosout.
     """
     try:
         with Lifetime() as lifetime:
@@ -405,8 +420,7 @@ def main(args: Sequence[str] | None = None) -> int:
             lifetime.started(node, node.close)
             node.open()
             rclpy.spin(node)
-    except (ParameterError, SceneError) as error:
-        print(f"cable_node: {error}", file=sys.stderr)
+    except (ParameterError, SceneError):  # told
         return 2
     return leave(0)
 

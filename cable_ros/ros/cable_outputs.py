@@ -54,6 +54,7 @@ class CableOutputs:
         self._path_message = PathMessage(frames.world, polyline_points)
         self.worst: Equilibrium | None = None
         """The result of the highest diagnostic level since the last diagnostics."""
+        self._told: Equilibrium | None = None
 
     @property
     def outlets(self) -> tuple[Outlet, ...]:
@@ -84,13 +85,15 @@ class CableOutputs:
         ]
 
     def status(self, prefix: str, hardware_id: str, also: Mapping[str, object]) -> DiagnosticStatus:
-        """The diagnostics entry, about the worst result since the last one, with further values `also`."""
+        """The diagnostics entry, about the worst result since the last one, with further values `also`.
+
+        A cable that nobody asks about is as well as it was.
+        """
         name = f"{prefix}: {self.cable.name}"
-        equilibrium, self.worst = self.worst, None
+        equilibrium, since = self.worst or self._told, "" if self.worst else " Nothing solved since."
+        self.worst, self._told = None, equilibrium
         if equilibrium is None:
-            return diagnostic(
-                name, DiagnosticStatus.STALE, "Nothing solved since the last report.", {}, hardware_id
-            )
+            return diagnostic(name, DiagnosticStatus.STALE, "Nothing solved yet.", {}, hardware_id)
         overlaps = [
             f"{one.other} at {one.distance:.6g} m, {one.contact_distance:.6g} m to touch"
             for one in equilibrium.overlaps
@@ -106,7 +109,7 @@ class CableOutputs:
             **({"overlaps": "; ".join(overlaps)} if overlaps else {}),
             **also,
         }
-        return diagnostic(name, level(equilibrium), equilibrium.message, values, hardware_id)
+        return diagnostic(name, level(equilibrium), f"{equilibrium.message}{since}", values, hardware_id)
 
     def destroy(self, node: Node) -> None:
         """Withdraw the topics."""

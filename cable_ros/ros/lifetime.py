@@ -13,16 +13,41 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
 from collections.abc import Callable
 from types import TracebackType
 
 import rclpy
+from rcl_interfaces.msg import Log
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
+from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_ROSOUT = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # as rcl has it
+_FATAL = int(LoggingSeverity.FATAL)
+_MATCHED = 3.0
+"""Time, s, in which those who listen have heard of a new publisher: half on a busy machine."""
 _LEAVING = 10.0
 """s that leaving the middleware may take, as a rule some ms; the process ends by SIGALRM then."""
+
+
+def tell_last(node: Node, sentence: str) -> None:
+    """Tell why the node ends before it has begun: on stderr, and on /rosout once those who listen are found.
+
+    The node's own logger would publish at once: to nobody, as the middleware takes its time to match a new
+    publisher with those who listen.
+    """
+    print(f"{node.get_name()}: {sentence}", file=sys.stderr, flush=True)
+    publisher = node.create_publisher(Log, "/rosout", _ROSOUT)
+    deadline = time.monotonic() + _MATCHED
+    while not publisher.get_subscription_count() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    stamp = node.get_clock().now().to_msg()
+    publisher.publish(Log(stamp=stamp, level=_FATAL, name=node.get_logger().name, msg=sentence))
+    publisher.wait_for_all_acked(Duration(seconds=_MATCHED))
 
 
 class Lifetime:

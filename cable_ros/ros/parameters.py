@@ -5,16 +5,17 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
-from rclpy.exceptions import InvalidTopicNameException, ParameterException
+from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter
-from rclpy.validate_topic_name import validate_topic_name
 
+from cable_ros.common.printable import one_line
+from cable_ros.scene.errors import suggestion
 from cable_ros.scene.joint_limits import MODES, WARN
 from cable_ros.share import scene_path
 
@@ -68,12 +69,6 @@ DECLARATIONS = (
         "Joint values outside the URDF's limits: warn (solved and told), refuse (not solved) or ignore.",
         live=True,
     ),
-    Declaration("joint_states_topic", "joint_states", "Topic of the joint states."),
-    Declaration(
-        "robot_description_topic",
-        "robot_description",
-        "Topic of the URDF, for a scene that names none itself.",
-    ),
     Declaration(
         "world_frame",
         "",
@@ -111,6 +106,9 @@ DECLARATIONS = (
 )
 
 
+_OF_TOPICS = "qos_overrides."  # declared with the topics
+
+
 class ParameterError(ValueError):
     """A parameter that can't be used: one sentence with its name and what would be right."""
 
@@ -131,6 +129,15 @@ def declare(node: Node) -> None:
             raise ParameterError(reason)
 
 
+def unknown(node: Node) -> Iterator[str]:
+    """A sentence for each parameter that is given on the command line or in a file and that there is not."""
+    known = [entry.name for entry in DECLARATIONS]
+    # rclpy has no public way to them that would not declare them all.
+    for name in node._parameter_overrides:
+        if not node.has_parameter(name) and not name.startswith(_OF_TOPICS):
+            yield f"There is no parameter '{one_line(name)}'{suggestion(name, known)}; it is ignored."
+
+
 def _wanted(entry: Declaration) -> str:
     kind = {bool: "true or false", int: "an integer", float: "a number with a decimal point", str: "a text"}
     bounds = "" if entry.low is None else f" from {entry.low:g} to {entry.high:g}"
@@ -141,11 +148,6 @@ def refusal(entry: Declaration, value: Any) -> str:
     """Why a value of the right type and range still can't be used; empty when it can."""
     if isinstance(value, float) and not math.isfinite(value):
         return f"Parameter '{entry.name}' is {value}; it must be {_wanted(entry)}."
-    if entry.name.endswith("_topic"):
-        try:
-            validate_topic_name(value)
-        except InvalidTopicNameException:
-            return f"Parameter '{entry.name}' is '{value}'; it must be the name of a topic."
     if entry.name == "joint_limits" and value not in MODES:
         return f"Parameter 'joint_limits' is '{value}'; it must be {', '.join(MODES[:-1])} or {MODES[-1]}."
     if entry.name == "frame_prefix" and value.startswith("/"):

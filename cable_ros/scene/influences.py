@@ -8,11 +8,43 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_ros.scene.section import Section, Size
+from cable_ros.scene.fields import Field, Size
+from cable_ros.scene.section import Section
 
 CELSIUS = Size("degC", -273.15, 2000.0, too_low="it is below absolute zero")
 GRAY = Size("Gy", 0.0, 1e12)
 FACTOR = Size("", 1e-3, 1e3)
+
+
+def row(size: Size) -> str:
+    """A row of the table, as messages call it."""
+    return f"[{size.unit}, factor of the bending stiffness, factor of the torsional stiffness]"
+
+
+def _fields(size: Size, message: str, value: str, topic: str, table: str) -> tuple[Field, ...]:
+    """Fields of an influence of this unit, whose topic carries `message`; and examples of their values."""
+    return (
+        Field(
+            "value", "number", size.unit, "Value now; where a topic is named, until its first message.",
+            value, size=size, extent="within the table",
+        ),
+        Field(
+            "topic", "text", f"a topic of {message}, or leave it out",
+            f"Topic of {message} that the node takes the value from.", topic, default=None,
+            absent="the value is constant",
+        ),
+        Field(
+            "table", "list of rows of 3 numbers", f"at least two rows of {row(size)}",
+            f"Rows {row(size)}, linear between them.", table, unit=f"{size.unit}, -, -",
+            extent="rising first numbers", columns=(size, FACTOR, FACTOR),
+        ),
+    )  # fmt: skip
+
+
+TEMPERATURE = _fields(
+    CELSIUS, "sensor_msgs/Temperature", "-80", "camera_cable/temperature", "[[-100, 3.2, 2.8], [20, 1, 1]]"
+)
+DOSE = _fields(GRAY, "std_msgs/Float64", "2.0e5", "camera_cable/dose", "[[0, 1, 1], [1.0e6, 1.25, 1.2]]")
 
 _TOPIC = re.compile(r"(?:~/|/)?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
 
@@ -47,31 +79,25 @@ class Influence:
         return np.array([bending, bending, torsion])
 
 
-def read_influence(cable: Section, name: str, size: Size, message: str) -> Influence | None:
-    """The field `name` of a cable; None where it is not given. `message` is the type that its topic carries.
+def read_influence(cable: Section, name: str, size: Size) -> Influence | None:
+    """The field `name` of a cable; None where it is not given.
 
     Raises:
         SceneError: one sentence with file, field and remedy.
     """
     if name not in cable:
         return None
-    row = f"[{size.unit}, factor of the bending stiffness, factor of the torsional stiffness]"
-    section = Section(
-        cable.get(name, f"{{value: {size.unit}, table: rows of {row}}}"),
-        cable.source,
-        cable.at(name),
-        ("value", "topic", "table"),
-    )
-    value = section.number("value", size.unit, size)
+    section = cable.inner(name)
+    value = section.number("value")
     topic = None
     if "topic" in section:
-        topic = section.text("topic", f"a topic of {message}, or leave it out")
+        topic = section.text("topic")
         if not _TOPIC.fullmatch(topic):
+            message = section.remedy("topic").removeprefix("a topic of ").partition(",")[0]
             section.fail(
                 f"'{topic}' is not a topic's name; give one of {message}, such as camera/{name}", "topic"
             )
-    table = section.table("table", f"at least two rows of {row}", (size, FACTOR, FACTOR))
-    influence = Influence(name, size.unit, value, table, topic)
+    influence = Influence(name, size.unit, value, section.table("table"), topic)
     try:
         influence.factors(value)
     except ValueError as error:

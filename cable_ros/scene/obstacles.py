@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,12 +12,16 @@ from typing import Any, NoReturn
 import numpy as np
 
 from cable_ros.scene.errors import SceneError
-from cable_ros.scene.section import MILLIMETRES, Section, Size, rotation
+from cable_ros.scene.fields import MILLIMETRES, Field, Size, vector
+from cable_ros.scene.placement import LINK, ROTATION, rotation
+from cable_ros.scene.section import Section
 
 RADIUS = Size("m", 1e-5, 100.0, too_high=MILLIMETRES)
 EDGE = Size("m", 1e-5, 1000.0, too_high=MILLIMETRES)
 COORDINATE = Size("m", -1e5, 1e5, too_high=MILLIMETRES)
 FRICTION = Size("", 0.0, 2.0)
+RADIUS_WORDS = ("count", "ignore")
+"""What `cable_radius` may be."""
 
 SHORTEST_AXIS = 1e-5
 """m; a capsule or cylinder with a shorter axis is a slip."""
@@ -30,6 +35,10 @@ class Sphere:
     """(3,) m."""
     radius: float
     """m."""
+
+    def farthest(self, directions: np.ndarray) -> np.ndarray:
+        """(m, 3) its farthest points in unit directions (m, 3)."""
+        return self.center + self.radius * directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +62,10 @@ class Capsule:
     radius: float
     """m."""
 
+    def farthest(self, directions: np.ndarray) -> np.ndarray:
+        """(m, 3) its farthest points in unit directions (m, 3)."""
+        return _farther_end(self.start, self.end, directions) + self.radius * directions
+
 
 @dataclass(frozen=True, eq=False)
 class Cylinder:
@@ -65,6 +78,15 @@ class Cylinder:
     radius: float
     """m."""
 
+    def farthest(self, directions: np.ndarray) -> np.ndarray:
+        """(m, 3) its farthest points in unit directions (m, 3)."""
+        along = (self.end - self.start) / np.linalg.norm(self.end - self.start)
+        across = directions - np.outer(directions @ along, along)
+        size = np.linalg.norm(across, axis=1, keepdims=True)
+        # Straight along the axis every point of the end face is as far: its centre.
+        outward = np.divide(across, size, out=np.zeros_like(across), where=size > 1e-12)
+        return _farther_end(self.start, self.end, directions) + self.radius * outward
+
 
 @dataclass(frozen=True, eq=False)
 class Box:
@@ -76,6 +98,18 @@ class Box:
     """(3,) whole edge lengths along its own axes, m."""
     orientation: np.ndarray
     """(4,) unit quaternion x y z w of its own axes."""
+
+    def farthest(self, directions: np.ndarray) -> np.ndarray:
+        """(m, 3) its farthest points in unit directions (m, 3)."""
+        turn, part = self.orientation[:3], self.orientation[3]
+        along = np.cross(turn, np.eye(3))
+        axes = (np.eye(3) + 2.0 * (part * along + np.cross(turn, along))).T  # as columns
+        return self.center + 0.5 * (np.sign(directions @ axes) * self.size) @ axes.T
+
+
+def _farther_end(start: np.ndarray, end: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(m, 3) the end of an axis that is farther in each direction (m, 3)."""
+    return np.where((directions @ (end - start) > 0)[:, None], end, start)
 
 
 Shape = Sphere | Plane | Capsule | Cylinder | Box
@@ -96,12 +130,48 @@ class Obstacle:
     """Whether the cable's surface touches it, or, as in Liu et al. (2018), its centreline."""
 
 
-def _sphere(section: Section) -> Sphere:
-    return Sphere(_point(section, "center"), section.number("radius", "metres", RADIUS))
+def _point(name: str, meaning: str, example: str) -> Field:
+    return Field(name, vector(3), "[x, y, z] in metres", meaning, example, size=COORDINATE)
 
 
-def _plane(section: Section) -> Plane:
-    normal = section.vector("normal", 3, "a direction [x, y, z] out of the solid, such as [0, 0, 1]")
+def _radius(example: str) -> Field:
+    return Field("radius", "number", "metres", "Radius.", example, size=RADIUS)
+
+
+SPHERE = (_point("center", "Centre.", "[0.092, 0.010, -0.095]"), _radius("0.045"))
+PLANE = (
+    _point("point", "Any point of the surface.", "[0, 0, 0]"),
+    Field(
+        "normal", vector(3), "a direction [x, y, z] out of the solid, such as [0, 0, 1]",
+        "Direction out of the solid, of any length.", "[0, 0, 1]", unit="-", extent="not zero",
+    ),
+)  # fmt: skip
+CAPSULE = (
+    _point("start", "One end of the axis; the half ball reaches a radius farther.", "[0, -0.1, 0.2]"),
+    _point("end", "The other end.", "[0, 0.1, 0.2]"),
+    _radius("0.02"),
+)
+CYLINDER = (
+    _point("start", "Centre of one end face.", "[0, -0.1, 0.2]"),
+    _point("end", "Centre of the other.", "[0, 0.1, 0.2]"),
+    _radius("0.02"),
+)
+BOX = (
+    _point("center", "Centre.", "[0.1, 0, 0.3]"),
+    Field(
+        "size", vector(3), "the whole edges [x, y, z] in metres",
+        "Whole edge lengths along its own axes.", "[0.2, 0.1, 0.05]", size=EDGE,
+    ),
+    *(dataclasses.replace(field, default=None, absent="not turned") for field in ROTATION),
+)  # fmt: skip
+
+
+def _read_sphere(section: Section) -> Sphere:
+    return Sphere(section.vector("center", 3), section.number("radius"))
+
+
+def _read_plane(section: Section) -> Plane:
+    normal = section.vector("normal", 3)
     size = math.hypot(*normal)
     if not 1e-9 < size < 1e9:
         section.fail(
@@ -110,42 +180,68 @@ def _plane(section: Section) -> Plane:
         )
     unit = normal / size
     unit.setflags(write=False)
-    return Plane(_point(section, "point"), unit)
+    return Plane(section.vector("point", 3), unit)
 
 
 def _axis(section: Section) -> tuple[np.ndarray, np.ndarray, float]:
-    start, end = _point(section, "start"), _point(section, "end")
+    start, end = section.vector("start", 3), section.vector("end", 3)
     if math.dist(start, end) < SHORTEST_AXIS:
         section.fail(
             f"its axis is {math.dist(start, end):g} m long; give a start and an end apart, or use a sphere",
             "end",
         )
-    return start, end, section.number("radius", "metres", RADIUS)
+    return start, end, section.number("radius")
 
 
-def _box(section: Section) -> Box:
-    size = section.vector("size", 3, "the whole edges [x, y, z] in metres", EDGE)
+def _read_box(section: Section) -> Box:
+    size = section.vector("size", 3)
     turned = "orientation" in section or "rpy" in section
     orientation = rotation(section) if turned else np.array([0.0, 0.0, 0.0, 1.0])
     orientation.setflags(write=False)
-    return Box(_point(section, "center"), size, orientation)
+    return Box(section.vector("center", 3), size, orientation)
 
 
-def _point(section: Section, name: str) -> np.ndarray:
-    return section.vector(name, 3, "[x, y, z] in metres", COORDINATE)
-
-
-_SHAPES: dict[str, tuple[tuple[str, ...], Callable[[Section], Shape]]] = {
-    "sphere": (("center", "radius"), _sphere),
-    "plane": (("point", "normal"), _plane),
-    "capsule": (("start", "end", "radius"), lambda section: Capsule(*_axis(section))),
-    "cylinder": (("start", "end", "radius"), lambda section: Cylinder(*_axis(section))),
-    "box": (("center", "size", "orientation", "rpy"), _box),
+_SHAPES: dict[str, Callable[[Section], Shape]] = {
+    "sphere": _read_sphere,
+    "plane": _read_plane,
+    "capsule": lambda section: Capsule(*_axis(section)),
+    "cylinder": lambda section: Cylinder(*_axis(section)),
+    "box": _read_box,
 }
 
 
+def _shape(name: str, meaning: str, example: str, inner: tuple[Field, ...]) -> Field:
+    remedy = f"its {' and '.join(field.name for field in inner)}"
+    return Field(name, "mapping", remedy, meaning, example, None, "another shape", inner=inner)
+
+
+OBSTACLE = (
+    Field("name", "text", "a name, such as bracket", "Name, for messages and markers.", "bracket"),
+    _shape("sphere", "A ball.", "{center: [0.092, 0.010, -0.095], radius: 0.045}", SPHERE),
+    _shape("plane", "A half space.", "{point: [0, 0, 0], normal: [0, 0, 1]}", PLANE),
+    _shape(
+        "capsule", "A round bar with half balls at its ends.",
+        "{start: [0, -0.1, 0.2], end: [0, 0.1, 0.2], radius: 0.02}", CAPSULE,
+    ),
+    _shape(
+        "cylinder", "A round bar with flat ends.",
+        "{start: [0, -0.1, 0.2], end: [0, 0.1, 0.2], radius: 0.02}", CYLINDER,
+    ),
+    _shape("box", "A solid box.", "{center: [0.1, 0, 0.3], size: [0.2, 0.1, 0.05]}", BOX),
+    Field(
+        "friction", "number", "the coefficient of friction, such as 0.35",
+        "Coefficient of friction between the cable and it.", "0.35", default=0.0, size=FRICTION,
+    ),
+    LINK,
+    Field(
+        "cable_radius", "text", " or ".join(RADIUS_WORDS), "The scene's `cable_radius`, for this obstacle.",
+        "ignore", default=None, absent="the scene's", words=RADIUS_WORDS,
+    ),
+)  # fmt: skip
+
+
 def read_obstacles(
-    entries: list[Any], source: str, check_link: Callable[[Section], str | None], radius_counts: bool
+    entries: list[Any], source: str, check_link: Callable[[Section], str | None], cable_radius: str
 ) -> tuple[Obstacle, ...]:
     """The obstacles of a scene.
 
@@ -153,17 +249,15 @@ def read_obstacles(
         entries: the list as it stands in the scene.
         source: how messages name the scene.
         check_link: reads and checks a section's `link`.
-        radius_counts: the scene's own `cable_radius`, for obstacles that do not say.
+        cable_radius: the scene's own, for obstacles that do not say.
 
     Raises:
         SceneError: one sentence with file, field and remedy.
     """
     out: list[Obstacle] = []
     for i, entry in enumerate(entries):
-        section = Section(
-            entry, source, f"obstacles[{i}]", ("name", *_SHAPES, "friction", "link", "cable_radius")
-        )
-        name = section.text("name", "a name, such as bracket")
+        section = Section(entry, source, f"obstacles[{i}]", OBSTACLE)
+        name = section.text("name")
         for j, other in enumerate(out):
             if other.name == name:
                 raise SceneError(
@@ -171,24 +265,17 @@ def read_obstacles(
                     section.at("name"),
                     f"'{name}' is already the name of obstacles[{j}]; give each obstacle its own name",
                 )
-        friction = 0.0
-        if "friction" in section:
-            friction = section.number("friction", "the coefficient of friction, such as 0.35", FRICTION)
-        counts = section.choice("cable_radius", ("count", "ignore"), "count" if radius_counts else "ignore")
-        out.append(Obstacle(name, _shape(section), friction, check_link(section), counts == "count"))
+        counts = section.choice("cable_radius", cable_radius) == "count"
+        friction, link = section.number("friction"), check_link(section)
+        out.append(Obstacle(name, _read_shape(section), friction, link, counts))
     return tuple(out)
 
 
-def _shape(section: Section) -> Shape:
+def _read_shape(section: Section) -> Shape:
     given = [kind for kind in _SHAPES if kind in section]
     if len(given) != 1:
         _wrong_count(section, given)
-    kind = given[0]
-    fields, build = _SHAPES[kind]
-    inner = Section(
-        section.get(kind, f"its {' and '.join(fields)}"), section.source, section.at(kind), fields
-    )
-    return build(inner)
+    return _SHAPES[given[0]](section.inner(given[0]))
 
 
 def _wrong_count(section: Section, given: list[str]) -> NoReturn:

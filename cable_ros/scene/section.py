@@ -8,44 +8,30 @@ import numbers
 import os
 import unicodedata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
 
 from cable_ros.scene.caps import LONGEST_TEXT, MOST_ROWS
 from cable_ros.scene.errors import SceneError, suggestion
-
-MILLIMETRES = "it looks like millimetres"
-UNIT_TOLERANCE = 1e-3
-"""How far a quaternion's norm may be from 1 before it is refused; nearer ones are normalised."""
+from cable_ros.scene.fields import REQUIRED, Field, Size, vector
 
 _CONTROLS = ("Cc", "Cs", "Zl", "Zp")  # Unicode's categories: controls, half characters, line separators
-
-
-@dataclass(frozen=True)
-class Size:
-    """What a physical number may be: its unit, its bounds, and the slip that a number outside hints at."""
-
-    unit: str
-    low: float
-    high: float
-    too_low: str = ""
-    too_high: str = ""
 
 
 class Section:
     """A mapping in a scene, with its place there and the fields that it may have.
 
-    Every method raises `SceneError` where the value is not what it must be.
+    Every method raises `SceneError` if the value is not what its `Field` says.
     """
 
-    def __init__(self, values: Any, source: str, place: str, fields: Sequence[str]) -> None:
+    def __init__(self, values: Any, source: str, place: str, fields: Sequence[Field]) -> None:
         self.source = source
         self.place = place
-        self.fields = tuple(fields)
+        self.fields = {field.name: field for field in fields}
         if not isinstance(values, Mapping):
-            self.fail(f"must be a mapping with the fields {', '.join(fields)}, not {describe(values)}")
+            names = ", ".join(self.fields)
+            self.fail(f"must be a mapping with the fields {names}, not {describe(values)}")
         self.values = values
         for name in values:
             if name not in self.fields:
@@ -64,16 +50,29 @@ class Section:
     def __contains__(self, name: str) -> bool:
         return name in self.values
 
-    def get(self, name: str, remedy: str) -> Any:
-        """The value as it stands; `remedy` tells what to add where it is missing."""
+    def has_default(self, name: str) -> bool:
+        """Whether the field is not given and a value takes its place."""
+        return name not in self and self.fields[name].default not in (REQUIRED, None)
+
+    def get(self, name: str) -> Any:
+        """The value as it stands; an error tells what to add where it is missing."""
         value = self.values.get(name)
         if value is None:
-            self.fail(f"this field is {'empty' if name in self else 'missing'}; give {remedy}", name)
+            state = "empty" if name in self else "missing"
+            self.fail(f"this field is {state}; give {self.remedy(name)}", name)
         return value
 
-    def text(self, name: str, remedy: str) -> str:
+    def remedy(self, name: str) -> str:
+        """What to give for the field."""
+        return self.fields[name].remedy
+
+    def inner(self, name: str) -> Section:
+        """The mapping in this field."""
+        return Section(self.get(name), self.source, self.at(name), self.fields[name].inner)
+
+    def text(self, name: str) -> str:
         """A non-empty text."""
-        value = self.get(name, remedy)
+        value, remedy = self.get(name), self.remedy(name)
         if not isinstance(value, str) or not value.strip():
             self.fail(f"must be a text, not {describe(value)}; give {remedy}", name)
         if len(value) > LONGEST_TEXT:
@@ -83,51 +82,62 @@ class Section:
             self.fail(f"holds the control character {control!r}; give {remedy}", name)
         return value
 
-    def number(self, name: str, remedy: str, size: Size | None = None) -> float:
-        """A finite number within `size`."""
-        return self._check(self.get(name, remedy), name, remedy, size)
+    def number(self, name: str) -> float:
+        """A finite number within the field's bounds; its default where it is not given."""
+        if self.has_default(name):
+            return float(self.fields[name].default)
+        return self._check(self.get(name), name, self.remedy(name), self.fields[name].size)
 
-    def vector(self, name: str, length: int, remedy: str, size: Size | None = None) -> np.ndarray:
-        """(length,) finite numbers, each within `size`."""
-        value = plain(self.get(name, remedy))
+    def vector(self, name: str, length: int, bounded: bool = True) -> np.ndarray:
+        """(length,) finite numbers, each within the field's bounds if `bounded`."""
+        field, value = self.fields[name], plain(self.get(name))
+        assert field.kind == vector(length)
         if not isinstance(value, list) or len(value) != length:
-            self.fail(f"must be a list of {length} numbers, not {describe(value)}; give {remedy}", name)
-        out = np.array([self._check(v, f"{name}[{i}]", remedy, size) for i, v in enumerate(value)])
+            self.fail(f"must be a list of {length} numbers, not {describe(value)}; give {field.remedy}", name)
+        size = field.size if bounded else None
+        out = np.array([self._check(v, f"{name}[{i}]", field.remedy, size) for i, v in enumerate(value)])
         out.setflags(write=False)
         return out
 
-    def items(self, name: str, remedy: str, most: int = MOST_ROWS) -> list[Any]:
-        """A list of one to `most` entries."""
-        value = plain(self.get(name, remedy))
+    def items(self, name: str, most: int = MOST_ROWS) -> list[Any]:
+        """A list of one to `most` entries; an empty one where the field is not given."""
+        if self.has_default(name):
+            return []
+        value = plain(self.get(name))
         if not isinstance(value, list) or not value:
-            self.fail(f"must be a list with at least one entry, not {describe(value)}; give {remedy}", name)
+            self.fail(
+                f"must be a list with at least one entry, not {describe(value)}; give {self.remedy(name)}",
+                name,
+            )
         if len(value) > most:
             self.fail(f"has {len(value)} entries; give at most {most}", name)
         return value
 
-    def choice(self, name: str, words: Sequence[str], default: str) -> str:
-        """One of some words; `default` where the field is not given."""
+    def choice(self, name: str, default: str | None = None) -> str:
+        """One of the field's words; `default`, or the field's own, where it is not given."""
+        field = self.fields[name]
         if name not in self:
-            return default
-        valid = " or ".join(words)
-        word = self.text(name, valid)
-        if word not in words:
-            self.fail(f"'{word}' is not {valid}{suggestion(word, words)}", name)
+            return default or str(field.default)
+        word = self.text(name)
+        if word not in field.words:
+            self.fail(f"'{word}' is not {field.remedy}{suggestion(word, field.words)}", name)
         return word
 
-    def table(self, name: str, remedy: str, columns: Sequence[Size]) -> np.ndarray:
-        """(n, len(columns)) numbers in two rows or more, each within its size, the first ones rising."""
-        rows = self.items(name, remedy)
+    def table(self, name: str) -> np.ndarray:
+        """(n, columns) numbers in two rows or more, each within its size, the first ones rising."""
+        field, rows = self.fields[name], self.items(name)
         if len(rows) < 2:
-            self.fail(f"one row is not enough; give {remedy}", name)
+            self.fail(f"one row is not enough; give {field.remedy}", name)
         for i, row in enumerate(rows):
             place = f"{name}[{i}]"
-            if not isinstance(row, list) or len(row) != len(columns):
+            if not isinstance(row, list) or len(row) != len(field.columns):
                 self.fail(
-                    f"must be a row of {len(columns)} numbers, not {describe(row)}; give {remedy}", place
+                    f"must be a row of {len(field.columns)} numbers, not {describe(row)}; "
+                    f"give {field.remedy}",
+                    place,
                 )
-            for k, (value, size) in enumerate(zip(row, columns, strict=True)):
-                self._check(value, f"{place}[{k}]", remedy, size)
+            for k, (value, size) in enumerate(zip(row, field.columns, strict=True)):
+                self._check(value, f"{place}[{k}]", field.remedy, size)
             if i and not row[0] > rows[i - 1][0]:
                 self.fail(
                     f"{row[0]:g} is not above {rows[i - 1][0]:g}; give rows with rising first numbers", place
@@ -158,48 +168,6 @@ class Section:
                 name,
             )
         return number
-
-
-_DEGREES = "it looks like degrees"
-ANGLE = Size("rad", -2 * math.pi, 2 * math.pi, _DEGREES, _DEGREES)
-
-
-def unit_quaternion(section: Section, name: str) -> np.ndarray:
-    """(4,) a quaternion x y z w, normalised."""
-    quaternion = section.vector(name, 4, "a unit quaternion [x, y, z, w]")
-    norm = math.hypot(*quaternion)
-    if abs(norm - 1) > UNIT_TOLERANCE:
-        section.fail(
-            f"the quaternion's norm is {norm:.6g}, not 1; give a unit quaternion [x, y, z, w], "
-            "such as [0, 0, 0, 1] for no rotation",
-            name,
-        )
-    unit = quaternion / norm
-    unit.setflags(write=False)
-    return unit
-
-
-def rotation(section: Section) -> np.ndarray:
-    """(4,) quaternion x y z w of the section's `orientation`, or of its `rpy` as URDF has it.
-
-    URDF's roll, pitch and yaw turn about the fixed axes x, y, z, one after the other.
-    """
-    if "rpy" not in section:
-        return unit_quaternion(section, "orientation")
-    if "orientation" in section:
-        section.fail("both orientation and rpy are given; give one of the two")
-    angles = section.vector("rpy", 3, "[roll, pitch, yaw] in radians", ANGLE)
-    (sr, sp, sy), (cr, cp, cy) = np.sin(0.5 * angles), np.cos(0.5 * angles)
-    quaternion = np.array(
-        [
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        ]
-    )
-    quaternion.setflags(write=False)
-    return quaternion
 
 
 def plain(value: Any) -> Any:

@@ -20,6 +20,8 @@ START = np.array([0.0, 0.0, 0.0, np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
 
 @dataclass(frozen=True)
 class Case:
+    """A cable, and what is known of its equilibrium."""
+
     cable: ClampedCable
     end_force: np.ndarray
     end_moment: np.ndarray

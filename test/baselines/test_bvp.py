@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""solve_bvp on two formulations: the equilibria, the branch and the Jacobians."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""The published method: its equations, its convergence and where it ends."""
+
 from __future__ import annotations
 
 from dataclasses import replace

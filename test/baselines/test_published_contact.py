@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""The published method with a ball: its equations, and what the contact does."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -13,6 +13,7 @@ import pytest
 from cable_ros.bench.cases import Case, answered, case_scene
 from cable_ros.bench.drawn import drawn_case, refined, told
 from cable_ros.bench.drawn_judge import friction_fault, run_drawn
+from cable_ros.bench.drawn_scenes import KINDS
 from cable_ros.bench.drawn_table import ALL, HEAD, count, kind, lines
 from cable_ros.bench.metamorphic import (
     Rounded,
@@ -34,10 +35,8 @@ def drawn(begins: str, friction: bool, most: int = 11, seed: int = 1) -> Case:
     """The first drawn case of a kind with few poses."""
     return next(
         case
-        for case in (drawn_case(seed, i, 1e-4) for i in range(1000))
-        if case.expected.startswith(begins)
-        and len(case.path) <= most
-        and ("friction 0:" not in case.expected) == friction
+        for case in (drawn_case(seed, i, 1e-4, begins) for i in range(1000))
+        if len(case.path) <= most and ("friction 0:" not in case.expected) == friction
     )
 
 
@@ -53,6 +52,16 @@ def test_paths_come_back() -> None:
         path = drawn_case(5, index, 1e-4).path
         assert 3 <= len(path) <= 210
         assert path[0] == path[-1]
+
+
+def test_most_drawn_cables_touch_something() -> None:
+    """Not all: a cable that would be inside an obstacle if it were alone may have a way round it."""
+    touching = 0
+    for kind_of in KINDS:
+        case = drawn(kind_of, friction=False, most=16)
+        tracker = Tracker(case_scene(case), tolerance=1e-2)
+        touching += any(tracker.solve(pose)["cable"].contacts for pose in case.path)
+    assert touching >= 10
 
 
 def test_a_finer_path_goes_through_the_same_poses() -> None:

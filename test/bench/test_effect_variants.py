@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""A scene with one effect more at a time."""
+
 from __future__ import annotations
 
 import math

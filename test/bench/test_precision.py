@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""What is measured for work against precision: rows, references, table."""
+
 from __future__ import annotations
 
 import csv
@@ -90,3 +92,15 @@ def test_csv_has_the_facts_then_the_rows(measured, tmp_path):
     table = list(csv.DictReader(lines[1:]))
     assert len(table) == len(rows)
     assert float(table[0]["error"]) == pytest.approx(rows[0].error, rel=1e-3)
+
+
+def test_references_of_a_cable_that_touches_are_integrated():
+    scene = load_scene(share_file("config", "space_arm_sphere.yaml"))
+    path = np.radians([[60.0], [60.5], [61.0]])
+    bench = Bench(scene, path, TINY, lambda _: None)
+    poses = bench.poses(scene, path, 3, 1e-10)
+    assert (bench.verified, bench.unverified) == (3, 0)
+    # of two programs that share nothing, one at 1e-9: near, and not the same numbers
+    assert 0.0 < bench.agreement < 1e-8
+    assert all(pose.reference is not None for pose in poses)
+    assert "with friction as told" in bench.provenance

@@ -30,12 +30,13 @@ def domain(monkeypatch):
 
 
 @pytest.mark.usefixtures("domain")
-def test_demo_writes_a_log_and_two_pictures(tmp_path, capsys):
+def test_demo_writes_a_log_and_its_pictures(tmp_path, capsys):
     out = tmp_path / "demo"
     for _ in range(2):  # the second one replaces what the first one wrote
         assert main(["demo", "--out", str(out)]) == 0
         lines = capsys.readouterr().out.strip().splitlines()
         written = ["space_arm.mcap", "space_arm_shapes.png", "space_arm_end_wrench.png"]
+        written.append("space_arm_joint_load.png")
         assert [line.partition(":")[0] for line in lines] == [str(out / name) for name in written]
         assert sorted(path.name for path in out.iterdir()) == sorted(written)
     history = read_history(out / "space_arm.mcap")

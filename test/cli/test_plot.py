@@ -66,10 +66,63 @@ def _end_clamp(angle):
 
 def test_pictures(log, tmp_path, capsys):
     assert main(["plot", str(log), "--out", str(tmp_path / "pictures")]) == 0
-    names = ["arm_shapes.png", "arm_end_wrench.png"]
+    names = ["arm_shapes.png", "arm_end_wrench.png", "arm_joint_load.png"]
     assert capsys.readouterr().out.split() == [str(tmp_path / "pictures" / name) for name in names]
     for name in names:
         assert (tmp_path / "pictures" / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_joint_load_is_read_with_its_solves(log):
+    history = read_history(log)
+    batch = solve_many(load_scene(ARM), history.joints, polyline_points=101)
+    assert list(history.joint_load) == ["orientation"]
+    assert np.array_equal(history.joint_load["orientation"], batch.joint_load[:, 0])
+
+
+def _drawn(monkeypatch, log, tmp_path, *options):
+    """The figures that a command draws, by the ends of their files' names."""
+    from cable_ros.drawing import figures
+
+    drawn = {}
+    save = figures.save
+    monkeypatch.setattr(figures, "save", lambda figure, path: save(drawn.setdefault(path.stem, figure), path))
+    assert main(["plot", str(log), "--out", str(tmp_path), *options]) == 0
+    return {name.removeprefix(f"{log.stem}_"): figure for name, figure in drawn.items()}
+
+
+def test_against_the_time(log, tmp_path, monkeypatch):
+    drawn = _drawn(monkeypatch, log, tmp_path, "--against", "time")
+    assert drawn["end_wrench"].axes[-1].get_xlabel() == "time (s)"
+    (load,) = drawn["joint_load"].axes
+    assert load.get_xlabel() == "time (s)"
+    assert load.lines[1].get_xdata() == pytest.approx(0.01 * np.arange(37))  # a sweep's poses: 10 ms
+    labels = [text.get_text() for text in drawn["shapes"].axes[3].get_legend().get_texts()]
+    assert labels[:2] == ["0 s", "0.1 s"]
+
+
+def test_against_a_joint(log, tmp_path, monkeypatch, capsys):
+    drawn = _drawn(monkeypatch, log, tmp_path, "--against", "orientation")
+    assert drawn["end_wrench"].axes[-1].get_xlabel() == "orientation (deg)"
+    assert main(["plot", str(log), "--against", "elbow"]) == 2
+    assert (
+        "--against elbow: the log has no such joint; there are orientation, time" in capsys.readouterr().err
+    )
+
+
+def test_what_a_link_carries_is_drawn_where_it_is(tmp_path, monkeypatch):
+    """A ball on the turret, beside the cable: at each pose the turret's axis has moved it on its circle."""
+    scene = tmp_path / "carrying.yaml"
+    text = ARM.read_text().replace("space_arm.urdf", str(ARM.parent / "space_arm.urdf"))
+    ball = "{name: ball, link: turret, sphere: {center: [0.1, 0.0, 0.2], radius: 0.02}}"
+    scene.write_text(f"{text}\nobstacles: [{ball}]\n")
+    log = tmp_path / "carrying.mcap"
+    assert main(["sweep", str(scene), "--joint", "orientation=0,90deg", "--out", str(log)]) == 0
+    xoy = _drawn(monkeypatch, log, tmp_path)["shapes"].axes[2]
+    centres = [patch.get_path().vertices[:-1].mean(axis=0) for patch in xoy.patches]
+    assert len(centres) >= 2
+    # The turret turns about z through (160, 0) mm.
+    assert centres[0] == pytest.approx([260, 0], abs=0.1)
+    assert centres[-1] == pytest.approx([160, 100], abs=0.1)
 
 
 def test_shapes_are_at_round_angles(log):

@@ -8,7 +8,15 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from cable_ros.drawing.figures import Abscissa, Shape, round_values, save, shapes_figure, wrench_figure
+from cable_ros.drawing.figures import (
+    Abscissa,
+    Shape,
+    load_figure,
+    round_values,
+    save,
+    shapes_figure,
+    wrench_figure,
+)
 
 
 def _shape(cable="cable", label="0°", value=0.0, shift=0.0):
@@ -78,3 +86,16 @@ def test_round_values():
 def test_save_makes_the_folder(tmp_path):
     path = save(shapes_figure([_shape()], "title"), tmp_path / "new" / "shapes.png")
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_torques_and_forces_have_axes_of_their_own():
+    loads = {"elbow": np.array([0.001, np.nan]), "slide": np.array([2.0, 3.0]), "wrist": np.array([0.1, 0.2])}
+    figure = load_figure(Abscissa.of_time(), np.array([0.0, 1.0]), loads, ["slide"])
+    torque, force = figure.axes
+    assert (torque.get_ylabel(), force.get_ylabel()) == ("torque (mN m)", "force (N)")
+    lines = {line.get_label(): line.get_ydata() for axes in figure.axes for line in axes.lines}
+    assert lines["elbow"][0] == pytest.approx(1.0)
+    assert lines["wrist"] == pytest.approx([100.0, 200.0])
+    assert lines["slide"].tolist() == [2.0, 3.0]
+    (only,) = load_figure(Abscissa.of_time(), np.zeros(2), {"slide": np.ones(2)}, ["slide"]).axes
+    assert only.get_ylabel() == "force (N)"

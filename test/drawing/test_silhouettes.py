@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_ros.drawing.silhouettes import farthest, silhouette
+from cable_ros.drawing.silhouettes import silhouette
 from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Plane, Sphere
 
 LOW, HIGH = np.full(3, -1.0), np.full(3, 1.0)
@@ -23,15 +23,15 @@ def test_a_ball_is_a_circle_in_every_view():
 
 def test_a_box_reaches_half_its_edges():
     box = Box(np.zeros(3), np.array([0.2, 0.4, 0.6]), TURNED)
-    assert farthest(box, np.eye(3)).diagonal() == pytest.approx([0.3, 0.1, 0.2])
+    assert box.farthest(np.eye(3)).diagonal() == pytest.approx([0.3, 0.1, 0.2])
 
 
 def test_bars_reach_past_their_ends_by_what_their_ends_are():
     along = np.array([[0.6, 0.0, 0.8]])
-    assert farthest(Capsule(**BAR, radius=0.1), along)[0] == pytest.approx([0.36, 0.0, 0.48])
-    assert farthest(Cylinder(**BAR, radius=0.1), along)[0] == pytest.approx([0.3, 0.0, 0.4])
+    assert Capsule(**BAR, radius=0.1).farthest(along)[0] == pytest.approx([0.36, 0.0, 0.48])
+    assert Cylinder(**BAR, radius=0.1).farthest(along)[0] == pytest.approx([0.3, 0.0, 0.4])
     # The rim of the cylinder's face is higher than its centre by the radius times the sine to the axis.
-    assert farthest(Cylinder(**BAR, radius=0.1), np.array([[0.0, 0.0, 1.0]]))[0, 2] == pytest.approx(0.46)
+    assert Cylinder(**BAR, radius=0.1).farthest(np.array([[0.0, 0.0, 1.0]]))[0, 2] == pytest.approx(0.46)
 
 
 def test_the_ground_is_what_lies_below_it():

@@ -8,6 +8,7 @@ import sys
 from types import ModuleType, SimpleNamespace
 
 import pytest
+import yaml
 
 pytest.importorskip("rclpy", reason="rclpy is not on this machine")
 
@@ -26,6 +27,8 @@ def record(kind):
 def launch_file(monkeypatch):
     names = {
         "launch": ["LaunchContext", "LaunchDescription"],
+        "ament_index_python": [],
+        "ament_index_python.packages": ["get_package_prefix"],
         "launch.actions": ["DeclareLaunchArgument", "OpaqueFunction"],
         "launch.substitutions": ["PathJoinSubstitution"],
         "launch_ros": [],
@@ -37,6 +40,7 @@ def launch_file(monkeypatch):
         for member in members:
             setattr(module, member, record(member))
         monkeypatch.setitem(sys.modules, module_name, module)
+    sys.modules["ament_index_python.packages"].PackageNotFoundError = KeyError
     return runpy.run_path(str(share_file("launch", "cable.launch.py")))
 
 
@@ -70,6 +74,33 @@ def test_what_is_given_has_its_type(launch_file):
     layout = rviz.arguments[1].positional[0]
     assert share_file(*layout[1:]).is_file()
     assert rviz.parameters == [{"use_sim_time": True}]
+
+
+def test_every_argument_tells_what_holds_without_it(launch_file):
+    (entities,) = launch_file["generate_launch_description"]().positional
+    for entity in entities[:-1]:
+        assert "Without it: " in entity.description or "In the package's file: " in entity.description
+    file = yaml.safe_load(share_file("config", "cable_node.yaml").read_text())["/**"]["ros__parameters"]
+    told = launch_file["ARGUMENTS"]
+    assert told["scene"].endswith(f"In the package's file: {file['scene']}.")
+    assert told["log"].endswith(f"In the package's file: {str(file['log']['enabled']).lower()}.")
+
+
+def test_the_joint_states_are_remapped(launch_file):
+    (node,) = nodes(launch_file, joint_states="/left/joint_states")
+    assert node.remappings == [("joint_states", "/left/joint_states")]
+    (node,) = nodes(launch_file)
+    assert node.remappings == []
+
+
+def test_without_rviz_nothing_starts(launch_file, monkeypatch):
+    def missing(name):
+        raise KeyError(name)
+
+    monkeypatch.setitem(launch_file["_check_rviz"].__globals__, "get_package_prefix", missing)
+    with pytest.raises(RuntimeError, match=r"rviz2 is not installed: sudo apt install ros-jazzy-rviz2"):
+        nodes(launch_file, rviz="true")
+    assert len(nodes(launch_file)) == 1
 
 
 def test_a_switch_that_is_neither_on_nor_off_is_refused(launch_file):

@@ -203,7 +203,6 @@ def test_a_storm_is_answered_or_counted(observer, solved_here):
         ("polyline_points", 10**9, "range"),
         ("scene", "other.yaml", "read-only"),
         ("world_frame", "map", "read-only"),
-        ("joint_states_topic", "other", "read-only"),
         ("diagnostics_rate", 50.0, "read-only"),
         ("marker_rate", 0.0, "range"),
         ("log.max_size", -5, "range"),

@@ -142,8 +142,6 @@ def test_a_signal_while_it_starts_ends_it(stop):
         (["scene:=space_arm.yaml", "tolerance:=1"], "'tolerance' must be a number with a decimal point from"),
         (["scene:=space_arm.yaml", "tolerance:=.nan"], "'tolerance' must be a number with a decimal point"),
         (["scene:=space_arm.yaml", "polyline_points:=1"], "Parameter 'polyline_points' must be an integer"),
-        (["scene:=space_arm.yaml", "joint_states_topic:=''"], "is ''; it must be the name of a topic"),
-        (["scene:=space_arm.yaml", "joint_states_topic:='a b'"], "is 'a b'; it must be the name"),
     ],
 )
 def test_what_it_cannot_start_with_is_one_sentence(parameters, sentence):

@@ -275,6 +275,17 @@ MISTAKES = {
     ),
     "both": (scene(cable(diameter=0.01)), "cables[0]", "both stiffness and diameter are given"),
     "both, moduli": (scene(cable(youngs_modulus=1e7)), "cables[0]", "both stiffness and youngs_modulus"),
+    "both, tube": (scene(cable(inner_diameter=0.005)), "cables[0]", "both stiffness and inner_diameter"),
+    "no wall": (
+        scene(cable(**ROUND, inner_diameter=0.01)),
+        "cables[0].inner_diameter",
+        "0.01 m leaves no wall within the diameter of 0.01 m; give less than 0.0099 m",
+    ),
+    "inner diameter in mm": (
+        scene(cable(**ROUND, inner_diameter=6)),
+        "cables[0].inner_diameter",
+        "millimetres",
+    ),
     "neither": (scene(cable(stiffness=None)), "cables[0]", "neither stiffness nor diameter"),
     "half of a section": (
         scene(cable(**{**ROUND, "shear_modulus": None})),
@@ -293,6 +304,22 @@ MISTAKES = {
     "robot without urdf": (scene(robot={"file": "a.urdf"}), "robot.file", "fields here are urdf"),
     "no such urdf": (scene(robot={"urdf": "/nowhere/a.urdf"}), "robot.urdf: /nowhere/a.urdf", "no such file"),
 }
+
+
+def test_a_tube_has_the_second_moments_of_its_wall() -> None:
+    """Rings of the section added up; and of a thin wall t at radius r, pi r^3 t in bending."""
+    tube = load_scene(scene(cable(**ROUND, inner_diameter=0.006))).cables[0]
+    assert (tube.diameter, tube.radius) == (0.01, 0.005)
+    r = np.linspace(0.003, 0.005, 20_001)
+    ring = 2 * np.pi * r**3
+    polar = float((0.5 * (ring[1:] + ring[:-1]) * np.diff(r)).sum())
+    # The trapezoidal rule in so many steps is good to 1e-8.
+    assert tube.stiffness == pytest.approx([1e7 * polar / 2, 1e7 * polar / 2, 3e6 * polar], rel=1e-7)
+    thin = load_scene(scene(cable(**ROUND, inner_diameter=0.0099))).cables[0]
+    # The wall of 0.05 mm at 4.975 mm, to the square of their ratio.
+    assert thin.stiffness[0] == pytest.approx(1e7 * np.pi * 0.004975**3 * 0.05e-3, rel=1e-4)
+    solid = load_scene(scene(cable(**ROUND))).cables[0]
+    assert tube.stiffness / tube.stiffness[0] == pytest.approx(solid.stiffness / solid.stiffness[0])
 
 
 @pytest.mark.parametrize("name", MISTAKES)

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What tests have done in other processes, which must be able to import it."""
+
+from __future__ import annotations
+
+import os
+import time
+
+
+def whose(_: int) -> int:
+    """The number of the process."""
+    return os.getpid()
+
+
+def dies(mine: int) -> int:
+    """End any process but the one of this number."""
+    if os.getpid() != mine:
+        os._exit(1)
+    return mine
+
+
+def sleeps(mine: int) -> None:
+    """Take an hour in any process but the one of this number."""
+    if os.getpid() != mine:
+        time.sleep(3600)

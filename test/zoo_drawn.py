@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The zoo's scenes as people draw them: planar, on round numbers, once answered wrongly or not at all."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from zoo_hose import LYING, UPRIGHT
+from zoo_make import led
+
+from cable_ros.bench.cases import Case
+
+BACK = [0.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5)]
+"""The clamp's tangent against x."""
+DOWN = [0.0, 1.0, 0.0, 0.0]
+GROUND = {"plane": {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}}
+TABLE = {"box": {"center": [0.5, 0.0, -0.05], "size": [3.0, 2.0, 0.1]}}
+
+
+def scene(cable: dict[str, Any], weight: float, obstacle: dict[str, Any], friction: float) -> dict[str, Any]:
+    """A cable of length and bending stiffness 1 and w L^3 / EI `weight` on one obstacle."""
+    return {
+        "gravity": [0.0, 0.0, -9.81],
+        "cables": [{"name": "cable", "length": 1.0, "linear_density": weight / 9.81, **cable}],
+        "obstacles": [{"name": "ground", "friction": friction, **obstacle}],
+    }
+
+
+def clamp(x: float, z: float, orientation: list[float]) -> dict[str, list[float]]:
+    return {"position": [x, 0.0, z], "orientation": orientation}
+
+
+def pressed_down() -> Case:
+    """Springs in place of the table let a stiff cable through it."""
+    cable = {
+        "stiffness": [1.0, 1.0, 0.5], "outer_diameter": 0.02, "start": clamp(0.0, 0.1, DOWN),
+        "end": clamp(0.3, 0.1, UPRIGHT),
+    }  # fmt: skip
+    moves = [{}, {"y": 0.02}, {"y": 0.04}, {"y": 0.02}, {}]
+    return led(
+        "a stiff loop pressed onto a table", "verified", scene(cable, 5.0, TABLE, 0.1), moves,
+        baselines=False, polyline_points=401,
+    )  # fmt: skip
+
+
+def above_ground() -> Case:
+    """Near its fold the cable touches nothing: it falls, and no grid of contacts has to take over."""
+    cable = {
+        "stiffness": [1.0, 1.0, 0.5], "start": clamp(0.0, 0.0, LYING), "end": clamp(0.6, 0.0, BACK),
+    }  # fmt: skip
+    moves = [{"y": 0.05 * k} for k in (0, 1, 2, 1, 0, -1, -2, -1, 0)]
+    return led(
+        "a loop beside the ground snaps over", "verified", scene(cable, 20.0, GROUND, 0.0), moves,
+        baselines=False, polyline_points=401,
+    )  # fmt: skip
+
+
+def flat() -> Case:
+    """Held by nothing but its clamps the loop could turn on the ground: only contact gives it stiffness."""
+    cable = {
+        "stiffness": [1.0, 1.0, 1.0], "outer_diameter": 0.02, "start": clamp(0.0, 0.01, LYING),
+        "end": clamp(0.7, 0.01, BACK),
+    }  # fmt: skip
+    return led(
+        "a loop flat on rough ground", "verified", scene(cable, 20.0, GROUND, 0.3), [{}, {"y": 0.02}, {}],
+        baselines=False, polyline_points=401,
+    )  # fmt: skip
+
+
+DRAWN: tuple[Case, ...] = (pressed_down(), above_ground(), flat())
