@@ -55,7 +55,7 @@ def test_a_pose_out_of_reach_is_not_walked_to(monkeypatch: pytest.MonkeyPatch) -
 
 def solved(joints: list[dict[str, float]], scene: Scene) -> list[Equilibrium]:
     tracker = Tracker(scene)
-    return [tracker.solve(one)["cable"] for one in joints]
+    return [tracker.arrive(one)["cable"] for one in joints]
 
 
 def test_a_way_that_takes_too_much_is_solved_anew_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

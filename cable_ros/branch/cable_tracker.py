@@ -6,7 +6,8 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -22,7 +23,8 @@ from cable_ros.branch.cold_start import (
 )
 from cable_ros.branch.continuation import End, walk
 from cable_ros.branch.property_change import Section, follow, made_of
-from cable_ros.branch.standing import Standing
+from cable_ros.branch.search import Search
+from cable_ros.branch.standing import Loss, Standing
 from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium, conditions_of, touches
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.nodal_rod import STEP, NodalRod
@@ -31,7 +33,6 @@ from cable_ros.contact.travel import CONTACT_STEP, FRICTION_STEP, travel
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
-from cable_ros.rod.initial_shapes import side
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
@@ -44,31 +45,44 @@ PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
 FREE_WORK = 60_000
 """Budget of one solve without obstacles, iterations times unknowns: about 50 ms at 0.8 us."""
+FREE_COLD_WORK = 300_000
+"""The same of a cold start: about 250 ms."""
 WORK = 150_000
 """The same among obstacles, about 300 ms at 2 us; ways that lead somewhere take a fourth of it."""
 PROGRESS = 0.01
 """Part of the longest step that a solve must get on with its budget; otherwise it is stuck."""
 TWIST = 1e-2
 """Difference of total twist, rad, below which two meshes show the same equilibrium."""
-EQUAL = 1e-11
-"""Relative difference of two energies that is rounding: a whisper of weight is more, and chooses a side."""
 BARRED = 1.0
 """Number of longest steps beyond which a way is first asked whether anything bars it."""
-PLACES = np.linspace(0.0, 1.0, 65)
-"""Where shapes are compared."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 MOST_WAITING = 64
 """Number of poses that may wait to be gone through, as friction depends on the path."""
 ENOUGH = 0.1
 """Part of the budget that must be left to go on from one of them to the next."""
+LEFT_OUT = "a pose that was asked for on the way could not be followed to, and friction depends on the way"
 CUT = (
     f"more than {MOST_WAITING} poses were asked for before they were reached, and friction depends on the way"
 )
 
 
+@dataclass(frozen=True, eq=False)
+class Pending:
+    """A search that is not over."""
+
+    search: Search
+    joints: np.ndarray
+    """(n,) joint values for which it is."""
+    poses: np.ndarray
+    """(2, 7) of the clamps there."""
+    told: str
+    """How the branch was lost, if there was one."""
+
+
 class CableTracker(TrackedEquilibrium):
     """Keeps one cable on its branch. Poses come in as world poses of its two clamps, (2, 7)."""
 
+    _pending: Pending | None = None
     _budget = 0.0
     """Work left of the present solve for the next pose."""
 
@@ -84,6 +98,10 @@ class CableTracker(TrackedEquilibrium):
         """Budget of one solve, iterations times unknowns."""
         return FREE_WORK if self._obstacles is None else WORK
 
+    def reset(self) -> None:
+        super().reset()
+        self._pending = None
+
     def become(
         self, properties: Properties, kinematics: Callable[[np.ndarray], np.ndarray], index: int
     ) -> bool:
@@ -93,6 +111,7 @@ class CableTracker(TrackedEquilibrium):
         if there are obstacles, whose friction remembers, and otherwise searches for the one nearest in twist.
         """
         before, rod = self._units, self._rod
+        self._pending = None
         self._use(properties)
         if rod is None:
             return True
@@ -117,6 +136,10 @@ class CableTracker(TrackedEquilibrium):
     ) -> Equilibrium:
         """The equilibrium at `joints`, the clamps at `poses`; `kinematics` tells of the way there."""
         self._budget = self._whole
+        if self._pending is not None:
+            found = self._resume(joints, begin)
+            if found is not None:
+                return found
         if self._standing.waiting:
             unfinished = self._catch_up(kinematics, index, joints, begin)
             if unfinished is not None:
@@ -132,27 +155,25 @@ class CableTracker(TrackedEquilibrium):
         if len(waiting) > MOST_WAITING:
             self._lose(CUT)
             return None
+        if waiting and np.array_equal(waiting[-1], joints):
+            waiting = waiting[:-1]
         for i, asked in enumerate(waiting):
-            unfinished = self._past(kinematics, index, np.array(asked), begin)
-            if unfinished is not None:
-                self._standing = replace(self._standing, waiting=waiting[i:]).asked(self._joints, joints)
-                return unfinished
+            found = self._past(kinematics, index, np.array(asked), begin)
+            done = found.status is not Status.UNFINISHED
+            if not done or self._budget <= ENOUGH * self._whole:
+                left = replace(self._standing, waiting=waiting[i + done :])
+                self._standing = left.asked(self._joints, joints)
+                return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin)
         return None
 
-    def _past(
-        self, kinematics: Kinematics, index: int, joints: np.ndarray, begin: float
-    ) -> Equilibrium | None:
-        """Go through a pose that was asked for before; the result if that, or the budget, is not finished."""
+    def _past(self, kinematics: Kinematics, index: int, joints: np.ndarray, begin: float) -> Equilibrium:
+        """Go through a pose that was asked for before."""
         self._passing = True
         found = self._follow(kinematics, index, joints, kinematics.poses(joints)[index], begin)
         self._passing = False
         if self._rod is not None:
-            self._budget = self._rod.work
-        if found.status is Status.UNFINISHED:
-            return found
-        if self._budget > ENOUGH * self._whole:
-            return None
-        return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin)
+            self._budget = min(self._budget, self._rod.work)
+        return found
 
     def _follow(
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
@@ -183,9 +204,37 @@ class CableTracker(TrackedEquilibrium):
         if code == warm_step.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
             if before is not None:
-                self._mend(before, step=True)
+                self._mend(before, True, partial(self._free_twist, kinematics, index))
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
         return self._far(kinematics, index, joints, poses, begin)
+
+    def _free_twist(self, kinematics: Kinematics, index: int, loss: Loss) -> float | None:
+        """Total twist, rad, of the cable if it touched nothing and came straight from where it was known.
+
+        None if it was known nowhere; NaN if it could not have come.
+        """
+        if not loss.joints:
+            return None
+        origin = np.array(loss.joints)
+
+        def free(t: float, before: np.ndarray) -> Conditions:
+            there = kinematics.poses(origin + t * (self._joints - origin))[index]
+            return Conditions(*relative(there, before, self._weight, self._units.length, self._units.force))
+
+        start = free(0.0, IDENTITY)
+        found = equilibria(
+            self._stiffness, self._natural, start, loss.twist, self.tolerance, False, self._compliance
+        )
+        if not found:
+            return np.nan
+        one = min(found, key=lambda one: abs(one.twist - loss.twist))
+        one.rod.work = FREE_WORK
+
+        def path(t: float) -> Conditions:
+            return free(t, one.rod.qe)
+
+        led = walk(one.rod, one.q, one.F, path, ALGEBRAIC * self.tolerance)
+        return float(led.rod.totals[4]) if led.end is End.ARRIVED else np.nan
 
     def _resolve(self) -> None:
         """Bring the equilibrium to another tolerance on its branch; forget it if that fails."""
@@ -254,11 +303,12 @@ class CableTracker(TrackedEquilibrium):
         self._q, self._F, self._joints = result.q, result.F, reached
         self._fell(result.falls)
         got_on = result.at >= PROGRESS * longest or any(fall.folded for fall in result.falls)
-        got_on |= self._budget < self._whole  # a whole one may do better
+        # on another rod, or with a whole budget, it may do better
+        got_on |= rod is not start or self._budget < self._whole
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and got_on):
             rod.refactor(result.q, result.F)
             if self._standing.loss is not None and not any(fall.jumped for fall in result.falls):
-                self._mend(before, step=False)
+                self._mend(before, False, partial(self._free_twist, kinematics, index))
             if result.end is End.ARRIVED:
                 return self._finish(
                     Status.CONVERGED, Status.CONVERGED.sentence, result.iterations, poses, begin
@@ -273,6 +323,11 @@ class CableTracker(TrackedEquilibrium):
             return replace(unfinished, iterations=result.iterations)
         if within and (barred := self._barred(there.obstacles, there.re)):
             return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
+        if self._passing:
+            # nobody waits for an answer there: better to go on from here than from a cold start
+            self._lose(LEFT_OUT)
+            seconds = time.perf_counter() - begin
+            return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
         beyond = result.end is End.BEYOND_REACH
         why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
         told = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved anew"
@@ -302,36 +357,54 @@ class CableTracker(TrackedEquilibrium):
             return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
         if barred := self._no_way(conditions):
             return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
-        found = equilibria(
-            self._stiffness, self._natural, conditions, hint, self.tolerance, False, self._compliance
-        )
-        if hint is not None:
-            found.sort(key=lambda one: abs(one.twist - hint))
-        found = _one_side_first(found, hint or 0.0)
-        best: tuple[float, Found, Found] | None = None
-        for one in found:
-            fine, estimate = refine(one, self.tolerance)
-            if best is None or estimate < best[0]:
-                best = estimate, fine, one
-            if estimate <= self.tolerance:
-                break
-        if (best is None or best[0] > self.tolerance) and conditions.obstacles is not None:
-            rested = handover.cold(self._stiffness, self._natural, conditions, hint, self.tolerance)
-            best, found = (best, found) if rested is None else ((0.0, rested, rested), [rested])
-        if best is not None and best[0] < np.inf:
-            if told:
-                twist = "" if hint is None else f", total twist {hint:.3f} -> {best[1].twist:.3f} rad"
-                self._lose(told + twist)
-            self._take(best[1], joints)
-            return self._finish(Status.CONVERGED, _choice(best[2], found), best[1].iterations, poses, begin)
-        return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, time.perf_counter() - begin)
+        search = Search(self._stiffness, self._natural, self._compliance, conditions, hint, self.tolerance)
+        return self._search(Pending(search, joints, poses, told), begin)
+
+    def _search(self, pending: Pending, begin: float) -> Equilibrium:
+        """Go on with a search: its result, `UNFINISHED` while it is not over."""
+        search = pending.search
+        if self._obstacles is None:
+            search.go(FREE_COLD_WORK)
+        else:
+            self._budget = search.go(self._budget)
+        self._pending = None if search.over else pending
+        seconds = time.perf_counter() - begin
+        if not search.over:
+            return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, seconds)
+        found = search.found
+        if found is None:
+            return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
+        if pending.told:
+            waiting, hint = self._standing.waiting, search.hint
+            twist = "" if hint is None else f", total twist {hint:.3f} -> {found.twist:.3f} rad"
+            self._lose(pending.told + twist)
+            self._standing = replace(self._standing, waiting=waiting)
+        self._take(found, pending.joints)
+        return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
+
+    def _resume(self, joints: np.ndarray, begin: float) -> Equilibrium | None:
+        """Go on with the search that is pending; None if the cable can be followed on to `joints`."""
+        self._budget = max(self._budget, 1.0)  # some piece of it is done in any case
+        pending = self._pending
+        assert pending is not None
+        if pending.search.tolerance != self.tolerance:
+            self._pending = None
+            return None
+        there = np.array_equal(joints, pending.joints)
+        found = self._search(pending, begin)
+        if self._pending is not None:
+            if not there or self._standing.waiting:
+                self._standing = self._standing.asked(pending.joints, joints)
+            return found
+        led_on = self._model == COULOMB and bool(self._standing.waiting)
+        return found if there and not led_on else None
 
     def branches(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:
         """The stable equilibria of a wide search at a pose, by rising energy; the last is followed on."""
         begin = time.perf_counter()
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
-        self._standing = Standing()
+        self._standing, self._pending = Standing(), None
         if not np.linalg.norm(conditions.re) < self._reach:
             return out
         found: list[Found] = []
@@ -356,25 +429,3 @@ def _farthest(a: np.ndarray, b: np.ndarray) -> float:
     for x, y in zip(a.tolist(), b.tolist(), strict=True):
         out = max(out, abs(x - y))
     return out
-
-
-def _one_side_first(found: list[Found], hint: float) -> list[Found]:
-    """Those as good as the first one by the side to which they go, before all others."""
-
-    def alike(one: Found) -> bool:
-        energy = abs(one.energy - found[0].energy) <= EQUAL * (1.0 + abs(found[0].energy))
-        return energy and abs(abs(one.twist - hint) - abs(found[0].twist - hint)) <= 1e-3
-
-    first = [one for one in found if alike(one)]
-    first.sort(key=lambda one: -side(one.rod.mesh.interpolate(one.q, PLACES), PLACES))
-    return first + [one for one in found if not alike(one)]
-
-
-def _choice(chosen: Found, found: list[Found]) -> str:
-    """The sentence of a cold start, which says so where there are others of the same energy."""
-    twins = sum(abs(other.energy - chosen.energy) <= 1e-6 * (1.0 + abs(chosen.energy)) for other in found)
-    sentence = Status.CONVERGED.sentence
-    if twins < 2:
-        return sentence
-    rule = "this side, towards (-1, 3, 2) of the start clamp's axes, is a rule's choice"
-    return f"{sentence[:-1]}, one of {twins} of equal energy: {rule}."

@@ -26,6 +26,11 @@ TAUT = 0.999
 """Where its chord is more than this part of its length, a stretching cable is looked for straight first."""
 SEARCH = 1e-2
 """Tolerance of contact while a search is on: how finely a touching stretch is held."""
+NEAR = 0.02
+"""Difference of total twist, rad, from the one asked for, below which a search has found it."""
+SEARCH_OPTIONS = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
+LIMIT = 1e9
+"""Work that no search takes."""
 START_WORK = 60_000.0
 """Budget of a start among obstacles, iterations times unknowns: of 300 starts that led somewhere none took
 more than 40,000, and those that lead nowhere may take five times that."""
@@ -157,67 +162,108 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
     return Found(found.rod, found.q, found.F, found.energy, found.twist, iterations), estimate
 
 
+class Starts:
+    """Descents from a fixed list of start shapes to the stable equilibria of one pose, one after the other.
+
+    Args:
+        stiffness, natural, compliance: (3,) of the cable, in units of its own; the last may be None.
+        conditions: the pose.
+        hint: total twist that is asked for, rad, or None.
+        tolerance: of the end wrench; the mesh is a coarse one for it.
+        thorough: whether to go on after an equilibrium whose twist is within NEAR of the hint.
+    """
+
+    def __init__(
+        self, stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, hint: float | None,
+        tolerance: float, thorough: bool, compliance: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        self.found: list[Found] = []
+        """Distinct equilibria on the coarse mesh, as they came."""
+        self._stiffness, self._compliance = stiffness, compliance
+        self._natural = np.zeros(3) if natural is None else natural
+        self._conditions, self._hint = conditions, hint
+        self._tolerance, self._thorough = tolerance, thorough
+        turns = abs(hint or 0.0) + float(np.linalg.norm(self._natural))
+        self._mesh = first_mesh(conditions, turns, tolerance)
+        self._seen: list[np.ndarray] = []
+        chord = float(np.linalg.norm(conditions.re))
+        self._taut = compliance is not None and chord > TAUT
+        re = conditions.re if compliance is None else conditions.re * min(1.0, SLACK / max(chord, SLACK))
+        nodes, qe, f = self._mesh.nodes, conditions.qe, conditions.f
+        self._shapes = list(starts(nodes, qe, re, f, hint, self._natural, self._taut))
+        self._strings: list[np.ndarray] | None = None  # the shortest ways past the obstacles
+
+    @property
+    def over(self) -> bool:
+        """Whether all that there is to start from has been tried."""
+        return not self._shapes and not self._strings
+
+    def descend(self) -> float:
+        """Descend from the next shape; returns the work that it took, iterations times unknowns."""
+        rod = self._rod()
+        rod.work = START_WORK if rod.obstacles is not None and self._shapes else LIMIT
+        left = rod.work
+        if self._shapes:
+            start = aside(self._shapes.pop(0), self._mesh.nodes)
+            one = settle(rod, start, np.zeros(3), SEARCH_OPTIONS)
+        else:
+            one = self._past_obstacles(rod)
+        if rod.obstacles is None and one is not None:
+            rod.work -= one.iterations * rod.elastic.shape[0]
+        left -= rod.work
+        rod.work = np.inf
+        if one is not None:
+            self._keep(one)
+        if not self._shapes and not self.found and self._strings is None and rod.obstacles is not None:
+            # soft obstacles let a taut cable through, and hard ones then hold it on the wrong side
+            self._strings = ways(rod.re, rod.obstacles, 1.0)
+            self._seen = []
+        return left
+
+    def _rod(self) -> Rod:
+        rod: Rod
+        conditions = self._conditions
+        if self._compliance is not None:
+            rod = StretchingRod(self._mesh, self._stiffness, self._natural, self._compliance)
+        elif conditions.obstacles is None:
+            rod = Rod(self._mesh, self._stiffness, self._natural)
+        else:
+            rod = TouchingRod(self._mesh, self._stiffness, self._natural, max(self._tolerance, SEARCH))
+            rod.seen = self._seen
+        rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
+        return rod
+
+    def _past_obstacles(self, rod: Rod) -> Found | None:
+        """The equilibrium that a descent from the next shortest way past the obstacles leads to."""
+        assert isinstance(rod, TouchingRod)
+        assert self._strings
+        q = along(self._strings.pop(0), self._mesh.nodes, rod.qe, self._hint, self._natural)
+        one = _found(rod, descend(rod, q, np.zeros(3), SEARCH_OPTIONS, 1, taut=True))
+        if one is not None:
+            self._strings.clear()
+        return one
+
+    def _keep(self, one: Found) -> None:
+        """Take note of an equilibrium, and end the search if it is the one that is asked for."""
+        if any(same(one, other) for other in self.found):
+            lowest = min(self.found, key=lambda other: other.energy)
+            if self._taut and not self._thorough and same(one, lowest):
+                self._shapes.clear()  # pulled straight, all starts of one twist are one
+            return
+        self.found.append(one)
+        if self._hint is not None and not self._thorough and abs(one.twist - self._hint) < NEAR:
+            self._shapes.clear()
+
+
 def equilibria(
     stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, hint: float | None,
     tolerance: float = 1e-4, thorough: bool = True, compliance: np.ndarray | None = None,
 ) -> list[Found]:  # fmt: skip
-    """Distinct stable equilibria that the starts lead to, on a coarse mesh, by rising energy.
-
-    With a hint and not `thorough`, the search ends with the first one whose twist is within 0.02 rad of it.
-    """
-    natural = np.zeros(3) if natural is None else natural
-    mesh = first_mesh(conditions, abs(hint or 0.0) + float(np.linalg.norm(natural)), tolerance)
-    found: list[Found] = []
-    seen: list[np.ndarray] = []
-    within = conditions.re * min(1.0, SLACK / max(float(np.linalg.norm(conditions.re)), SLACK))
-    re = conditions.re if compliance is None else within
-    taut = compliance is not None and float(np.linalg.norm(conditions.re)) > TAUT
-    options = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
-    for q in starts(mesh.nodes, conditions.qe, re, conditions.f, hint, natural, taut):
-        rod: Rod
-        if compliance is not None:
-            rod = StretchingRod(mesh, stiffness, natural, compliance)
-        elif conditions.obstacles is None:
-            rod = Rod(mesh, stiffness, natural)
-        else:
-            rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
-            rod.seen, rod.work = seen, START_WORK
-        rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
-        one = settle(rod, aside(q, mesh.nodes), np.zeros(3), options)
-        rod.work = np.inf
-        if one is None:
-            continue
-        if any(same(one, other) for other in found):
-            if taut and not thorough and same(one, min(found, key=lambda other: other.energy)):
-                break  # pulled straight, all starts of one twist are one
-            continue
-        found.append(one)
-        if hint is not None and not thorough and abs(one.twist - hint) < 0.02:
-            break
-    if not found and conditions.obstacles is not None and compliance is None:
-        found = _beside(stiffness, natural, conditions, hint, tolerance, mesh, options)
-    return sorted(found, key=lambda one: one.energy)
-
-
-def _beside(
-    stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None,
-    tolerance: float, mesh: Mesh, options: Options,
-) -> list[Found]:  # fmt: skip
-    """The first equilibrium that descents from the shortest ways past the obstacles lead to.
-
-    Soft obstacles let a taut cable through, and hard ones then hold it on the wrong side.
-    """
-    assert conditions.obstacles is not None
-    seen: list[np.ndarray] = []
-    for way in ways(conditions.re, conditions.obstacles, 1.0):
-        rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
-        rod.seen = seen
-        rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
-        q = along(way, mesh.nodes, conditions.qe, hint, natural)
-        one = _found(rod, descend(rod, q, np.zeros(3), options, 1, taut=True))
-        if one is not None:
-            return [one]
-    return []
+    """All that `Starts` leads to, by rising energy."""
+    search = Starts(stiffness, natural, conditions, hint, tolerance, thorough, compliance)
+    while not search.over:
+        search.descend()
+    return sorted(search.found, key=lambda one: one.energy)
 
 
 def same(a: Found, b: Found) -> bool:

@@ -152,7 +152,7 @@ def walk(
         )
         iterations += count
         # what touches counts what it spends itself
-        rod.work = min(rod.work, left - rod.cost * count * rod.elastic.shape[0]) - OVERHEAD
+        rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
         if code == warm_step.ADVANCED:
             at, q, F = target, q_new, F_new
             step = min(step * min(rod.stride, 2.0 if count <= rod.few else 1.0), longest)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import Conditions, Found, first_mesh, refine
+from cable_ros.branch.cold_start import LIMIT, Conditions, Found, first_mesh, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.nodal_rod import NodalRod, places_for
 from cable_ros.contact.penalty import give_contacts
@@ -63,10 +63,11 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
     assert rod.obstacles is not None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     first = first_mesh(conditions, float(rod.totals[4]), tolerance)
-    left = min(rod.work, EXACT_WORK)
+    left = given = min(rod.work, EXACT_WORK)
+    found = None
     for _ in TRIALS:
         if left <= 0.0:
-            return None
+            break
         count, stage = TRIALS[rod.tried % len(TRIALS)]
         mesh = Mesh(first.element, np.full(count, 1.0 / count)) if count else first
         new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
@@ -77,12 +78,14 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         result = _taken_over(new, q, rod) if stage is None else descend(new, q, rod.end_force, SETTLE, stage)
         left = new.work
         if result is not None:
-            found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
-            found, estimate = refine(found, tolerance)
-            if estimate <= tolerance and _same(rod, found):
-                return found
+            one = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
+            one, estimate = refine(one, tolerance)
+            if estimate <= tolerance and _same(rod, one):
+                found = one
+                break
         rod.tried += 1  # if no budget is left, the next pose goes on with the next
-    return None
+    rod.work -= given - left
+    return found
 
 
 def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndarray, np.ndarray, int] | None:
@@ -99,25 +102,44 @@ def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndar
     return (q_new, F_new, iterations) if code == warm_step.ADVANCED else None
 
 
-def cold(
-    stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None, tolerance: float
-) -> Found | None:
-    """An equilibrium that the start shapes come to rest in, those first that are least inside obstacles.
+class Rest:
+    """A last resort of a search: start shapes come to rest on a grid, the least deep inside obstacles first.
 
-    A last resort: the search by descents from the same shapes has found none.
+    Args:
+        stiffness, natural: (3,) of the cable, in units of its own.
+        conditions: the pose; without obstacles there is nothing to try.
+        hint: total twist that is asked for, rad, or None.
+        tolerance: of the end wrench.
     """
-    assert conditions.obstacles is not None
-    load = float(np.linalg.norm(conditions.f))
-    rod = NodalRod(stiffness, natural, conditions.obstacles, places_for(load), coulomb=False)
-    rod.set_conditions(conditions.qe, conditions.re, conditions.f)
-    shapes = list(starts(rod.mesh.nodes, conditions.qe, conditions.re, conditions.f, hint, natural, False))
-    for q in sorted(shapes, key=rod.depth)[:TRIES]:
-        if rod.begin(q, conditions.qe, conditions.re, conditions.f) is None:
-            continue
-        found = exact(rod, tolerance, FRICTIONLESS)
-        if found is not None:
-            return found
-    return None
+
+    def __init__(
+        self, stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None,
+        tolerance: float,
+    ) -> None:  # fmt: skip
+        self._section, self._conditions = (stiffness, natural), conditions
+        self._hint, self._tolerance = hint, tolerance
+        self._shapes: list[np.ndarray] | None = None if conditions.obstacles is not None else []
+
+    @property
+    def over(self) -> bool:
+        """Whether all shapes have been tried."""
+        return self._shapes is not None and not self._shapes
+
+    def settle(self) -> tuple[Found | None, float]:
+        """The exact equilibrium where the next shape comes to rest, or None; the work that it took."""
+        there = self._conditions
+        assert there.obstacles is not None
+        stiffness, natural = self._section
+        places = places_for(float(np.linalg.norm(there.f)))
+        rod = NodalRod(stiffness, natural, there.obstacles, places, coulomb=False)
+        rod.set_conditions(there.qe, there.re, there.f)
+        if self._shapes is None:
+            begins = starts(rod.mesh.nodes, there.qe, there.re, there.f, self._hint, natural, False)
+            self._shapes = sorted(begins, key=rod.depth)[:TRIES]
+        rod.work = LIMIT
+        rests = rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None
+        found = exact(rod, self._tolerance, FRICTIONLESS) if rests else None
+        return found, LIMIT - rod.work
 
 
 def _same(rod: NodalRod, found: Found) -> bool:

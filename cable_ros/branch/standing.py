@@ -44,6 +44,10 @@ class Loss:
     """Relative motion of clamps and obstacles since, up to and with the onset of slip everywhere."""
     slid: float = -1.0
     """The same since that onset; negative: something sticks."""
+    joints: tuple[float, ...] = ()
+    """Joint values where the branch was last known; none: nowhere."""
+    twist: float = np.nan
+    """Total twist there, rad."""
     unasked: float = np.inf
     """The same since other equilibria were last looked for."""
 
@@ -83,10 +87,14 @@ class Standing:
     waiting: tuple[tuple[float, ...], ...] = ()
     """Joint values of the poses that were asked for and not reached yet: friction depends on the path."""
 
-    def lost(self, told: str, history: bool) -> Standing:
-        """After a loss; what was unknown before stays told."""
+    def lost(self, told: str, history: bool, joints: np.ndarray, twist: float | None) -> Standing:
+        """After a loss at `joints` (n,), where it had that twist; what was unknown before stays told."""
         before = self.loss
-        return Standing(Loss(told, history or (before is not None and before.history)))
+        if before is not None:
+            return Standing(Loss(told, history or before.history, joints=before.joints, twist=before.twist))
+        if twist is None:
+            return Standing(Loss(told, history))
+        return Standing(Loss(told, history, joints=tuple(joints.tolist()), twist=twist))
 
     def snapped(self, fall: Fall) -> Standing:
         """After a fall through a fold."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from cable_ros.branch.cold_start import (
     refine,
 )
 from cable_ros.branch.continuation import FREE_TO_TURN, Fall
-from cable_ros.branch.standing import Standing, alone, motion
+from cable_ros.branch.standing import Loss, Standing, alone, motion
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
@@ -77,7 +77,7 @@ class TrackedEquilibrium(CableModel):
         self._lose(told)
 
     def _lose(self, told: str) -> None:
-        self._standing = self._standing.lost(told, self._model == COULOMB)
+        self._standing = self._standing.lost(told, self._model == COULOMB, self._joints, self._twist)
         if self._rod is not None:
             self._rod.forgot = False
 
@@ -92,19 +92,25 @@ class TrackedEquilibrium(CableModel):
             elif fall.jumped:
                 self._standing = self._standing.snapped(fall)
 
-    def _mend(self, before: Conditions, step: bool) -> None:
-        """Count the motion since `before` in what must happen before a lost branch is known again."""
+    def _mend(self, before: Conditions, step: bool, free: Callable[[Loss], float | None]) -> None:
+        """Count the motion since `before` in what must happen before a lost branch is known again.
+
+        `free` gives the twist here of a cable that touches nothing and was led here from where it was known.
+        """
         rod, loss = self._rod, self._standing.loss
         assert rod is not None
         assert loss is not None
         touching = touches(rod)
         loss = loss.followed(motion(before, conditions_of(rod)), touching and _slips(rod), step)
-        if loss.forgotten or (not touching and loss.due and self._alone(rod)):
+        if loss.forgotten or (not touching and loss.due and self._alone(rod, free(loss))):
             self._standing = Standing()
             return
         self._standing = Standing(replace(loss, unasked=0.0) if not touching and loss.due else loss)
 
-    def _alone(self, rod: Rod) -> bool:
+    def _alone(self, rod: Rod, free: float | None) -> bool:
+        """Whether no other equilibrium is near, and it has as many turns as one of the twist `free`, rad."""
+        if free is not None and not abs(float(rod.totals[4]) - free) < np.pi:
+            return False
         energy, _, _ = rod.linearize(self._q, self._F)
         rod.factor(0.0)
         here = Found(rod, self._q, self._F, energy, float(rod.totals[4]), 0)

@@ -32,7 +32,12 @@ class ActiveSetRod(BorderedRod):
 
     def spend(self, iterations: int) -> None:
         """Count iterations with the present mesh and contacts as work done."""
-        self.work -= iterations * (self.elastic.shape[0] + self.rows**2 / DENSE)
+        self.work -= iterations * self.iteration_work
+
+    @property
+    def iteration_work(self) -> float:
+        """With the present mesh and contacts."""
+        return self.elastic.shape[0] + self.rows**2 / DENSE
 
     def _let_go(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
         """The equilibrium (q, F) on a fresh mesh with the friction that it had: what sticks goes along.

@@ -145,7 +145,6 @@ class NodalRod(Rod):
     """
 
     few = 25
-    cost = 0.5
     remembers = True
 
     def __init__(
@@ -183,6 +182,11 @@ class NodalRod(Rod):
     def end_force(self) -> np.ndarray:
         """(3,) its end force."""
         return self.state.F[-1].copy()
+
+    @property
+    def iteration_work(self) -> float:
+        """Half that of a rod without contact of so many unknowns."""
+        return 0.5 * len(self.elastic)
 
     @property
     def touches(self) -> bool:
@@ -260,9 +264,8 @@ class NodalRod(Rod):
         if code != CONVERGED and way < RARE * STEP:
             # what Newton's method cannot do at once a viscous medium does little by little
             flown = self._flow(qe, re, f, obstacles)
-            iterations += FLOW_COST if flown is None else flown
-            code = code if flown is None else CONVERGED
-        self.work -= self.cost * iterations * len(self.elastic)
+            if flown is not None:
+                code, iterations = CONVERGED, iterations + flown
         if code != CONVERGED:
             return warm_step.NOT_CONTRACTING, iterations, q, F
         if flown is None and not self.follows:
@@ -304,7 +307,9 @@ class NodalRod(Rod):
         twin = self.twin
         if twin is None or travel(twin.qe, twin.re, twin._under, qe, re, obstacles) < CORNER * STEP:
             return 0
+        left = twin.work
         code, iterations, _, _ = twin.advance(twin.state.q, twin.state.F[-1], qe, re, f, 0.0, 0.6, obstacles)
+        self.work -= left - twin.work
         if code != warm_step.ADVANCED:
             self.pair()
             return iterations
@@ -357,6 +362,7 @@ class NodalRod(Rod):
                     self._trial, TOLERANCE if scales is stiff else ROUGH,
                 )  # fmt: skip
                 spent += count
+                self.work -= count * self.iteration_work
                 if code != CONVERGED:
                     break
             if code == CONVERGED:
@@ -435,9 +441,10 @@ class NodalRod(Rod):
     def pair(self) -> None:
         """Have a twin of fewer cells, whose end wrench tells how much the grid matters."""
         twin = NodalRod(self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb)
-        twin.follows = True
+        twin.follows, twin.work = True, 0.0
         places, _, _, forces, obstacles, _, _ = self.contacts()
         found = twin.adopt(self, self.state.q, self.state.F[-1], places, forces, obstacles, False)
+        self.work += twin.work
         self.twin = twin if found else None
         if found:
             self._compare(twin)

@@ -46,9 +46,6 @@ class Rod:
     few = 3
     """Iterations of a step after which the next one may be longer."""
 
-    cost = 1.0
-    """Work of an iteration over that of a rod without contact."""
-
     remembers = False
     """Whether falls keep friction's history."""
 
@@ -96,6 +93,11 @@ class Rod:
         self.shapes, self.forces = np.zeros((3, nodes, 4)), np.zeros((3, 3))
         self.places = np.zeros((3, 10))
         self._normal: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def iteration_work(self) -> float:
+        """Work of an iteration: unknowns, those of a rod without contact."""
+        return self.elastic.shape[0]
 
     def set_conditions(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None

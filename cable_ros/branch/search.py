@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A cold start in pieces, so that a call's work has a bound and the next one goes on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.branch import handover
+from cable_ros.branch.cold_start import Conditions, Found, Starts, refine
+from cable_ros.equilibrium import Status
+from cable_ros.rod.initial_shapes import side
+
+EQUAL = 1e-11
+"""Relative difference of two energies that is rounding: a whisper of weight is more, and chooses a side."""
+TWINS = 1e-6
+"""Relative difference of energy below which equilibria are told to be of equal energy."""
+PLACES = np.linspace(0.0, 1.0, 65)
+"""Where shapes are compared."""
+
+
+class Search:
+    """Looks for the equilibrium of one pose that is nearest the twist asked for, or of least energy.
+
+    In turn: descents from start shapes (`Starts`), the same on finer meshes (`refine`) until one meets the
+    tolerance, and if none does, shapes that come to rest on a grid of contacts (`handover.Rest`).
+
+    Args:
+        stiffness, natural, compliance: (3,) of the cable, in units of its own; the last may be None.
+        conditions: the pose.
+        hint: total twist that is asked for, rad, or None.
+        tolerance: of the end wrench.
+    """
+
+    def __init__(
+        self, stiffness: np.ndarray, natural: np.ndarray, compliance: np.ndarray | None,
+        conditions: Conditions, hint: float | None, tolerance: float,
+    ) -> None:  # fmt: skip
+        self.conditions, self.hint, self.tolerance = conditions, hint, tolerance
+        self._starts = Starts(stiffness, natural, conditions, hint, tolerance, False, compliance)
+        self._rest = handover.Rest(stiffness, natural, conditions, hint, tolerance)
+        self._coarse: list[Found] | None = None
+        self._refined = 0
+        self._best: Found | None = None
+        self._estimate = np.inf
+        self._origin: Found | None = None
+
+    def go(self, work: float) -> float:
+        """Search until that much work, iterations times unknowns, is done; returns what is left of it.
+
+        A piece that has begun is finished: what is left may be negative. See `over`.
+        """
+        while work > 0.0 and not self.over:
+            work -= self._piece()
+        return work
+
+    @property
+    def over(self) -> bool:
+        """Whether it is found, or all has been tried."""
+        if not self._starts.over or self._coarse is None:
+            return False
+        return self._estimate <= self.tolerance or (self._refined == len(self._coarse) and self._rest.over)
+
+    @property
+    def found(self) -> Found | None:
+        """The best equilibrium; None without one."""
+        return self._best if self._estimate < np.inf else None
+
+    @property
+    def sentence(self) -> str:
+        """What a result says of `found`: also whether there are others of the same energy."""
+        assert self._coarse is not None
+        assert self._origin is not None
+        energy = self._origin.energy
+        others = (abs(other.energy - energy) for other in self._coarse)
+        twins = sum(other <= TWINS * (1.0 + abs(energy)) for other in others)
+        sentence = Status.CONVERGED.sentence
+        if twins < 2:
+            return sentence
+        rule = "this side, towards (-1, 3, 2) of the start clamp's axes, is a rule's choice"
+        return f"{sentence[:-1]}, one of {twins} of equal energy: {rule}."
+
+    def _piece(self) -> float:
+        """Do the next piece; returns its work."""
+        if not self._starts.over:
+            return self._starts.descend()
+        if self._coarse is None:
+            self._coarse = _in_turn(self._starts.found, self.hint)
+            return 0.0
+        if self._refined < len(self._coarse):
+            return self._refine(self._coarse[self._refined])
+        rested, work = self._rest.settle()
+        if rested is not None:
+            self._coarse, self._refined = [rested], 1
+            self._best, self._estimate, self._origin = rested, 0.0, rested
+        return work
+
+    def _refine(self, one: Found) -> float:
+        self._refined += 1
+        fine, estimate = refine(one, self.tolerance)
+        if self._best is None or estimate < self._estimate:
+            self._best, self._estimate, self._origin = fine, estimate, one
+        return (fine.iterations - one.iterations) * fine.rod.iteration_work
+
+
+def _in_turn(found: list[Found], hint: float | None) -> list[Found]:
+    """Those nearest to the hint first, or of least energy; of equal ones the one on a rule's side."""
+    found = sorted(found, key=lambda one: one.energy)
+    if hint is not None:
+        found.sort(key=lambda one: abs(one.twist - hint))
+    centre = hint or 0.0
+
+    def alike(one: Found) -> bool:
+        energy = abs(one.energy - found[0].energy) <= EQUAL * (1.0 + abs(found[0].energy))
+        return energy and abs(abs(one.twist - centre) - abs(found[0].twist - centre)) <= 1e-3
+
+    first = [one for one in found if alike(one)]
+    first.sort(key=lambda one: -side(one.rod.mesh.interpolate(one.q, PLACES), PLACES))
+    return first + [one for one in found if not alike(one)]
