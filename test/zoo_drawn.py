@@ -9,7 +9,7 @@ from typing import Any
 from zoo_hose import LYING, UPRIGHT
 from zoo_make import led
 
-from cable_ros.bench.cases import Case
+from cable_ros.bench.cases import TRUSTED, Case
 
 BACK = [0.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5)]
 """The clamp's tangent against x."""
@@ -68,4 +68,75 @@ def flat() -> Case:
     )  # fmt: skip
 
 
-DRAWN: tuple[Case, ...] = (pressed_down(), above_ground(), flat())
+def beside_clamp() -> Case:
+    """A contact in the cable's last hundredth bears most of its force, and is gone after a hair's way."""
+    cable = {
+        "stiffness": [1.0, 1.0, 0.5], "outer_diameter": 0.02, "start": clamp(0.0, 0.01, LYING),
+        "end": clamp(0.4, 0.01, BACK),
+    }  # fmt: skip
+    moves = [{"z": 0.05 * k, "x": -0.025 * k} for k in (0, 1, 2, 1, 0)]
+    return led(
+        "lifted off the ground beside its clamp", "verified", scene(cable, 20.0, GROUND, 0.5), moves,
+        baselines=False, polyline_points=401,
+    )  # fmt: skip
+
+
+def resting_clamp() -> Case:
+    """The clamp rests on the table exactly: the gap has no slope there, and sagged unseen beside it."""
+    cable = {
+        "stiffness": [1.0, 1.0, 1.0], "outer_diameter": 0.01, "start": clamp(0.0, 0.005, LYING),
+        "end": clamp(0.5, -0.2, [0.0, math.sin(3.0 * math.pi / 8.0), 0.0, math.cos(3.0 * math.pi / 8.0)]),
+    }  # fmt: skip
+    table = {"box": {"center": [-0.35, 0.0, -0.25], "size": [1.3, 1.0, 0.5]}}
+    moves = [{"x": 0.02 * k} for k in (0, 1, 2, 3, 4, 5, 2, 0)]
+    return led(
+        "lying from a clamp to a table's edge", "verified", scene(cable, 100.0, table, 0.0), moves,
+        baselines=False, polyline_points=401,
+    )  # fmt: skip
+
+
+def thin_floor() -> Case:
+    """Shapes that are partly below the floor come out below it, where there is no equilibrium."""
+    cable = {
+        "stiffness": [1.0, 1.0, 1.0], "outer_diameter": 0.01, "start": clamp(0.0, 0.1, DOWN),
+        "end": clamp(0.6, 0.1, UPRIGHT),
+    }  # fmt: skip
+    floor = {"box": {"center": [0.0, 0.0, -0.01], "size": [2.0, 1.0, 0.02]}}
+    moves = [{}, {"y": 0.001}, {}, {"z": -0.01}]
+    return led(
+        "a weightless loop on a thin floor", "verified", scene(cable, 0.0, floor, 0.0), moves,
+        baselines=False, polyline_points=401,
+    )  # fmt: skip
+
+
+def free_to_turn() -> Case:
+    """Every side is as good as another, until the clamps are out of line: then it turns at once."""
+    cable = {"stiffness": [1.0, 1.0, 0.5], "start": clamp(0.0, 0.0, LYING), "end": clamp(0.9, 0.0, LYING)}
+    ceiling = {"plane": {"point": [0.0, 0.0, 0.1], "normal": [0.0, 0.0, -1.0]}}
+    moves = [{"y": 0.01 * k} for k in (0, 1, 2, 1)]
+    return led(
+        "a weightless buckled cable turns against a ceiling", "verified", scene(cable, 0.0, ceiling, 0.5),
+        moves, statuses=TRUSTED, baselines=False,
+        polyline_points=401,
+    )  # fmt: skip
+
+
+def free_over_drum() -> Case:
+    """The same above a drum, where only a fall on a grid of contacts gets away."""
+    cable = {
+        "stiffness": [1.0, 1.0, 0.5], "outer_diameter": 0.01, "start": clamp(-0.35, -0.1, LYING),
+        "end": clamp(0.35, -0.1, LYING),
+    }  # fmt: skip
+    drum = {"capsule": {"start": [0.0, -0.5, 0.0], "end": [0.0, 0.5, 0.0], "radius": 0.15}}
+    moves = [{"y": 0.05 * k} for k in (0, 1, 2, 1, 0)]
+    return led(
+        "a weightless arch free to turn over a drum", "verified", scene(cable, 0.0, drum, 0.1), moves,
+        statuses=TRUSTED, baselines=False,
+        polyline_points=401,
+    )  # fmt: skip
+
+
+DRAWN: tuple[Case, ...] = (
+    pressed_down(), above_ground(), flat(), beside_clamp(), resting_clamp(), thin_floor(), free_to_turn(),
+    free_over_drum(),
+)  # fmt: skip

@@ -24,10 +24,12 @@ BEYOND = 0.02
 CARRY, LAST = 0.05, 1e-3
 """Part of the longest step below which a rod that fails is replaced: one that lies on something that rubs,
 and any other, which mostly gets there in small steps."""
-CARRY_WORK = 60_000
-"""Work, iterations times unknowns, after which the first kind is: about 120 ms."""
+LEAST_HELD = 1e-6
+"""The same of one that is held by points and only goes too far: beside a clamp one lets go within a hair."""
+CARRY_WORK = 75_000
+"""Work, iterations times unknowns, after which the first kind is: about 150 ms."""
 LAST_WORK = 0.5
-"""Part of the budget after which the second kind is."""
+"""Part of the budget spent without a step after which the second kind is."""
 LEAST = 1e-9
 """Part of the longest step below which a step is rounding."""
 OVERHEAD = 250
@@ -53,6 +55,8 @@ JUMP = 0.05
 """Rotation of a section, rad, that no step of SHORTEST along a branch makes."""
 AWAY = 0.2
 """The same for a few of these steps away from a fold, where the shape moves like the root of the load."""
+FALL_WORK = 60_000.0
+"""Budget of a fall, if there is less left: without it no call would get past a fold."""
 FREE_FALLS = 2
 """Number of falls that the budget leaves aside: even a small step may meet a fold, and end just before it."""
 GRID = np.linspace(0.0, 1.0, 33)
@@ -94,9 +98,9 @@ class Fall:
     @property
     def folded(self) -> bool:
         """Whether the branch ended: its stability margin ran to 0 there, and at a fold the energy fell."""
-        falls = self.energy_after < self.energy_before
-        gone = self.to_fold <= FOLD or self.margin < FREE_TO_TURN
-        return self.crossed or (self.margin <= SMALL and gone and falls)
+        if self.crossed or self.margin < FREE_TO_TURN:
+            return True
+        return self.margin <= SMALL and self.to_fold <= FOLD and self.energy_after < self.energy_before
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +135,7 @@ def walk(
     falls: list[Fall] = []
     margins: list[tuple[float, float]] = []  # parts of the path and stability margins there
 
-    given = rod.work
+    given = last = rod.work  # at the start, and when a step was made last
 
     def ended(end: End) -> Walk:
         return Walk(end, at, q, F, iterations, tuple(falls), rod)
@@ -154,19 +158,23 @@ def walk(
         # what touches counts what it spends itself
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
         if code == warm_step.ADVANCED:
-            at, q, F = target, q_new, F_new
+            at, q, F, last = target, q_new, F_new, rod.work
             step = min(step * min(rod.stride, 2.0 if count <= rod.few else 1.0), longest)
             continue
         if np.linalg.norm(conditions.re) >= 1.0 and step < BEYOND * longest:
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
-        spent = given - rod.work
+        spent = (given if rod.lies else last) - rod.work
         smallest, most = (CARRY, CARRY_WORK) if rod.lies else (LAST, LAST_WORK * given)
+        if code == warm_step.TOO_FAR and not rod.lies:
+            smallest = LEAST_HELD
         hard = step * 0.5 < smallest * longest or spent > most
-        # a cable that touches nothing falls exactly as well as on a grid
-        free = not (rod.remembers or rod.held().any())
+        # a cable that nothing rubs falls exactly as well as on a grid
+        free = not (rod.remembers or rod.rubs)
         stable = (free or carrier is None or not hard) and rod.refactor(q, F)
         folding = free and (not stable or (carrier is not None and rod._softest() < SMALL))
+        if folding:
+            rod.patience = 0
         if carrier is not None and not folding and (hard or not stable):
             carried, carrier = carrier(rod, q, F), None
             if carried is not None:
@@ -179,13 +187,25 @@ def walk(
         if stable and step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
             margins.append((at, rod._softest()))
         crossed = (code == warm_step.NOT_CONVEX and rod.remembers) or not stable
-        if crossed or (code != warm_step.TOO_FAR and step * 0.5 < SHORTEST * longest):
-            left = rod.work
+        # what is free to turn goes far in any step
+        turns = free and bool(margins) and margins[-1][1] < FREE_TO_TURN
+        if crossed or ((code != warm_step.TOO_FAR or turns) and step * 0.5 < SHORTEST * longest):
+            left, here = rod.work, (rod.qe, rod.re, rod.f, rod.obstacles)
             if crossed:  # the branch goes on, but its margin has passed through 0
                 margins.append((at, 0.0))
+            spare = max(FALL_WORK - rod.work, 0.0)
+            rod.work += spare
             fallen = _fallen(rod, q, F, path, step, margins, tolerance, crossed)
+            rod.work -= spare
             if fallen is None:
-                return ended(End.STUCK)
+                rod.set_conditions(*here)
+                if carrier is None:
+                    return ended(End.STUCK)
+                carried, carrier = carrier(rod, q, F), None
+                if carried is None:
+                    return ended(End.STUCK)
+                rod, q, F = carried, carried.shape, carried.end_force
+                continue
             found, fell = fallen
             if len(falls) >= FREE_FALLS:
                 rod.work = min(rod.work, left - DESCENT * found.iterations * rod.elastic.shape[0])

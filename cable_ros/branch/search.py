@@ -7,6 +7,7 @@ import numpy as np
 
 from cable_ros.branch import handover
 from cable_ros.branch.cold_start import Conditions, Found, Starts, refine
+from cable_ros.branch.paying_out import PayingOut
 from cable_ros.equilibrium import Status
 from cable_ros.rod.initial_shapes import side
 
@@ -22,7 +23,8 @@ class Search:
     """Looks for the equilibrium of one pose that is nearest the twist asked for, or of least energy.
 
     In turn: descents from start shapes (`Starts`), the same on finer meshes (`refine`) until one meets the
-    tolerance, and if none does, shapes that come to rest on a grid of contacts (`handover.Rest`).
+    tolerance, and if none does, short cables that are paid out (`PayingOut`) and shapes that come to rest on
+    a grid of contacts (`handover.Rest`).
 
     Args:
         stiffness, natural, compliance: (3,) of the cable, in units of its own; the last may be None.
@@ -37,7 +39,9 @@ class Search:
     ) -> None:  # fmt: skip
         self.conditions, self.hint, self.tolerance = conditions, hint, tolerance
         self._starts = Starts(stiffness, natural, conditions, hint, tolerance, False, compliance)
-        self._rest = handover.Rest(stiffness, natural, conditions, hint, tolerance)
+        pose = stiffness, natural, conditions, hint, tolerance
+        self._last: list[PayingOut | handover.Rest]
+        self._last = [PayingOut(*pose), handover.Rest(*pose)] if compliance is None else []
         self._coarse: list[Found] | None = None
         self._refined = 0
         self._best: Found | None = None
@@ -58,7 +62,8 @@ class Search:
         """Whether it is found, or all has been tried."""
         if not self._starts.over or self._coarse is None:
             return False
-        return self._estimate <= self.tolerance or (self._refined == len(self._coarse) and self._rest.over)
+        tried = self._refined == len(self._coarse) and all(one.over for one in self._last)
+        return tried or self._estimate <= self.tolerance
 
     @property
     def found(self) -> Found | None:
@@ -88,10 +93,10 @@ class Search:
             return 0.0
         if self._refined < len(self._coarse):
             return self._refine(self._coarse[self._refined])
-        rested, work = self._rest.settle()
-        if rested is not None:
-            self._coarse, self._refined = [rested], 1
-            self._best, self._estimate, self._origin = rested, 0.0, rested
+        found, work = next(one for one in self._last if not one.over).settle()
+        if found is not None:
+            self._coarse, self._refined = [found], 1
+            self._best, self._estimate, self._origin = found, 0.0, found
         return work
 
     def _refine(self, one: Found) -> float:

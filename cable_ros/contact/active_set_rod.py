@@ -26,6 +26,11 @@ class ActiveSetRod(BorderedRod):
     """
 
     @property
+    def rubs(self) -> bool:  # type: ignore[override]
+        """Whether it touches something that rubs."""
+        return self.model != FRICTIONLESS and self.count > 0
+
+    @property
     def lies(self) -> bool:  # type: ignore[override]
         """Whether it lies along something that rubs."""
         return self.model == COULOMB and bool((self.points[: self.count, KIND] != POINT).any())

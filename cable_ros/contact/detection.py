@@ -33,6 +33,8 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 AWAY = 1.0
 """What is nearer than so many samples' spacing is looked at closely."""
+LEVEL = 1e-9
+"""Slope of a clamp that lies along a surface, rad: rounding."""
 BESIDE = 0.25
 """A minimum this near to a contact point, in parts of the spacing, is that of a cable all but flat there."""
 LONG = 4.0
@@ -164,7 +166,19 @@ def minimum_beside(q, h, s0, nodes, c, samples, k, obstacle, down):
     if np.isnan(down):
         _, down, _ = gap_at(q, h, s0, nodes, c, low, obstacle, r, t, dt, n, directions, bends)
     _, up, _ = gap_at(q, h, s0, nodes, c, high, obstacle, r, t, dt, n, directions, bends)
-    if not down < 0.0 <= up:
+    # a clamp that rests on the surface has no slope there but rounding
+    falls, rises = down < 0.0, up >= 0.0
+    if k == 1 and abs(down) < LEVEL:
+        _, slope, _ = gap_at(
+            q, h, s0, nodes, c, 0.75 * low + 0.25 * high, obstacle, r, t, dt, n, directions, bends
+        )
+        falls = slope < 0.0
+    if k == samples.shape[0] - 2 and abs(up) < LEVEL:
+        _, slope, _ = gap_at(
+            q, h, s0, nodes, c, 0.25 * low + 0.75 * high, obstacle, r, t, dt, n, directions, bends
+        )
+        rises = slope >= 0.0
+    if not (falls and rises):
         return -1.0, up
     return lowest(q, h, s0, nodes, c, 0.5 * (low + high), 0.5 * (high - low), obstacle), up
 
@@ -219,8 +233,10 @@ def revise(q, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, depth
                 points[near, PLACE] = s
             elif near >= 0:
                 # two minima closer than the samples can tell: the cable begins to lie on the surface
-                place = points[near, PLACE]
-                count = lay(points, count, o, min(s, place), max(s, place))
+                low, high = min(s, points[near, PLACE]), max(s, points[near, PLACE])
+                low = 0.0 if k == 1 and grounded(c, h, s0, obstacles[o], 0.0) else low
+                high = 1.0 if k == m - 2 and grounded(c, h, s0, obstacles[o], 1.0) else high
+                count = lay(points, count, o, low, high)
             else:
                 first, last = k, k
                 while first > 1 and phi[o, first - 1] < -depth:

@@ -184,6 +184,24 @@ def gaps(obstacles: np.ndarray, r: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
+def deepest(r: np.ndarray, t: np.ndarray, h: np.ndarray, obstacles: np.ndarray) -> float:
+    """How deep the middles of m elements are inside an obstacle (o, WIDTH), lengths; negative outside.
+
+    Args:
+        r, t: (m + 1, 3) positions and unit tangents at their ends; a cubic leads from one to the next.
+        h: (m,) their lengths.
+    """
+    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+    middle, out = np.empty(3), -np.inf
+    for e in range(h.shape[0]):
+        for a in range(3):
+            middle[a] = 0.5 * (r[e, a] + r[e + 1, a]) + 0.125 * h[e] * (t[e, a] - t[e + 1, a])
+        for i in range(obstacles.shape[0]):
+            out = max(out, -gap(obstacles[i], middle, n, directions, bends))
+    return out
+
+
+@njit(cache=True)
 def nearest(obstacles: np.ndarray, r: np.ndarray) -> tuple[float, int]:
     """The smallest of `gaps` and which obstacle's it is."""
     distances = gaps(obstacles, r)

@@ -275,7 +275,7 @@ class BorderedRod(Rod):
         held = np.concatenate([grips[grips > 0], 1 + grips[self.points[: self.count, GRIP] > 0.0]])
         complement = self.complement
         if len(held) and self.model == COULOMB:
-            complement = complement.copy()
+            complement = complement[: self.rows, : self.rows].copy()
             complement[held, held] = RELEASED
         return np.asarray(warm_step.error(
             q, Fe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine, self.bubble,

@@ -17,7 +17,8 @@ from cable_ros.rod.centreline import curve, direction, position, shape
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 NARROWEST = 0.12
-"""A boundary slides no nearer to its neighbours than this part of the way between them."""
+"""A boundary slides no nearer to its neighbours than this part of the way between them, and no nearer to a
+clamp than half the way to it, if that is less."""
 SHORTEST = 1e-3
 """And no nearer than this to one that another contact point has; parts of the length."""
 
@@ -64,6 +65,11 @@ def room(points, count, boundary, h, s0):
     """How near a boundary may come to the one before it and to the one after it."""
     narrow = NARROWEST * (h[boundary - 1] + h[boundary])
     before, after = narrow, narrow
+    # a point may come close to a clamp
+    if boundary == 1:
+        before = min(narrow, max(0.5 * h[0], SHORTEST))
+    if boundary == h.shape[0] - 1:
+        after = min(narrow, max(0.5 * h[boundary], SHORTEST))
     for i in range(count):
         if points[i, TIE] == boundary - 1 and boundary > 1:
             before = min(narrow, SHORTEST)

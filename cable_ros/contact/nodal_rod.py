@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.contact.distance import gap, gaps
+from cable_ros.contact.distance import deepest, gap, gaps
 from cable_ros.contact.nodal_kernels import (
     COMPLIANCE,
     FRICTION,
@@ -50,6 +50,8 @@ NORMAL, TANGENTIAL = 1e4, 1e6
 """Scales of the projections of normal force and friction, EI / L^3."""
 STEP = 0.5 * FRICTION_STEP
 """Longest step, lengths."""
+SAG = 100.0
+"""Relative error per depth, lengths, by which the cable is inside an obstacle between two places."""
 FADING = 0.95
 """An estimated error is no less than so much of the last step's: where contacts stand between places it may
 be nothing by chance."""
@@ -68,10 +70,12 @@ TOLERANCE = 1e-8
 """Of Newton's method: rotations, positions, relative forces."""
 ROUGH = 1e-3
 """Of a solve that only leads to the next."""
-DRAG, FREE, STIFFEST = 1e4, 1e-2, 1e7
+DRAG, FREE, STIFFEST = 1e4, 1e-5, 1e7
 """Drag in a fall, EI / L^4: at first, below which it counts as none, and the most."""
 CALM = 0.003
 """Motion in a step of a fall, lengths, below which the drag is reduced tenfold."""
+ROUNDING = 1e-9
+"""Relative rise of the energy in a step of a fall that is rounding."""
 DRAGS = 80
 """Maximum number of steps of a fall."""
 LEAP, LEAST_LEAP = 10.0, 2e-3
@@ -332,7 +336,15 @@ class NodalRod(Rod):
         before = FADING * self._estimate if np.isfinite(self._estimate) else 0.0
         # a force that is spread over a cell, not lumped in its middle, bends the cable so much otherwise
         lumped = float(np.linalg.norm(self.state.F[-1])) / (12.0 * self.cells**2)
-        self._estimate = max(float(error), before, lumped)
+        # and so much, at least, do edges cost that it cuts between two places
+        tangents = quaternion.tangents(self.state.q[::ORDER])
+        cut = SAG * deepest(self.state.r, tangents, self.h, self._under)
+        # where it touches between two places the true normal has no part along the cable, as theirs has
+        normals, _ = self._pressed()
+        along = np.abs(self.state.lam * np.einsum("ka,koa->ko", tangents, normals)).sum()
+        slope = np.concatenate((mine[:3] * along / max(float(np.linalg.norm(mine[:3])), 1e-300), np.zeros(3)))
+        edges = float(relative_change(slope, mine, self.least))
+        self._estimate = max(float(error), before, lumped, cut, edges)
 
     def _solve(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, drag: float,
@@ -429,10 +441,12 @@ class NodalRod(Rod):
                     state.tau[k, o] += share * (d @ force)
         self.set_conditions(rod.qe, rod.re, rod.f)
         give = SEED / np.maximum(state.lam * rod.obstacles[:, FRICTION], FAINT)
-        if (
-            self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, give)[0] != CONVERGED
-            and self._flow(rod.qe, rod.re, rod.f, rod.obstacles, give) is None
-        ):
+        solved = self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, give)[0] == CONVERGED
+        if not solved and not len(places):
+            # what touches nothing may be free to turn, and is at rest as it is
+            self._slips[:], self._step = False, None
+            self.refactor(state.q, state.F[-1])
+        elif not solved and self._flow(rod.qe, rod.re, rod.f, rod.obstacles, give) is None:
             return False
         if pair:
             self.pair()
@@ -536,22 +550,33 @@ class NodalRod(Rod):
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray,
         give: np.ndarray | None = None,
     ) -> int | None:  # fmt: skip
-        """Come to rest in a viscous medium; iterations, or None if that fails, with the state as it was."""
-        known = self._known()
-        drag, spent = DRAG, 0
+        """Come to rest in a viscous medium; iterations, or None if that fails, with the state as it was.
+
+        Energy only falls: an implicit step that raises it is so long that it leads back to an unstable
+        equilibrium, and is made again shorter.
+        """
+        known, energy = self._known(), np.inf
+        drag, slow, spent = DRAG, DRAG, 0
+        springs = COMPLIANCE if give is None else give[:, :, None]  # of what sticks
         self._moved = False
         for _ in range(DRAGS):
-            before = self.state.r.copy()
+            here = self._known()
             code, count = self._solve(qe, re, f, obstacles, drag, give)
             spent += count
-            if code == CONVERGED and drag == 0.0:
+            stored = self.totals[3] + 0.5 * float((springs * self.state.tau**2).sum())
+            rises = code == CONVERGED and stored > energy + ROUNDING * (1.0 + abs(energy))
+            if code == CONVERGED and drag == 0.0 and not rises:
                 return spent
             if spent > FLOW_COST:
                 break
-            if code == CONVERGED:
-                gone = float(np.abs(self.state.r - before).max())
+            if rises:
+                self._return(here)
+                drag = 3.0 * drag if drag > 0.0 else slow
+            elif code == CONVERGED:
+                energy, slow = stored, drag
+                gone = float(np.abs(self.state.r - here.state.r).max())
                 drag *= 0.1 if gone < CALM else 0.5 if gone < 10.0 * CALM else 1.0
-                drag = 0.0 if drag < FREE else drag
+                drag = 0.0 if drag < FREE and gone < CALM else drag
             elif drag == 0.0:
                 drag = 10.0 * FREE
             elif drag < STIFFEST:

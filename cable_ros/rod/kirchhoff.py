@@ -49,6 +49,12 @@ class Rod:
     remembers = False
     """Whether falls keep friction's history."""
 
+    patience = 0
+    """Number of descents that may still be made of steps that fail, see `penalty_continuation.give_way`."""
+
+    rubs = False
+    """Whether it touches something that rubs."""
+
     lies = False
     """Whether it lies along something that rubs."""
 

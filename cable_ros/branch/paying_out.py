@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A cold start by continuation in the cable's length: short at first, then paid out between its clamps.
+
+A cable that is hardly longer than the way between its clamps touches little, and a search finds it. As it is
+paid out it leans on what is there as a real one does, and never comes through a thin wall, as a descent from
+a shape that is partly inside one may.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cable_ros.branch import handover
+from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Starts, refine
+from cable_ros.branch.continuation import End, walk
+from cable_ros.contact.friction_kernels import FRICTIONLESS
+from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.shortest_path import ways
+from cable_ros.contact.travel import CONTACT_STEP
+from cable_ros.rod.kirchhoff import Rod
+
+SLACK = (1.05, 1.15)
+"""Lengths of the short cable in turn, over that of the shortest way past the obstacles."""
+POSITION, DIMENSIONS = slice(1, 4), slice(13, 17)
+"""Columns of an obstacle that are lengths, see `distance.WIDTH`."""
+LOOSE = 1e-2
+"""Tolerance on the way: only its end is refined."""
+PIECE = 50_000.0
+"""Budget of a piece, iterations times unknowns."""
+STEP = 0.1
+"""First step, part of the way."""
+
+
+class PayingOut:
+    """Equilibria of one pose from short cables paid out, one after the other.
+
+    Lengths are in units of the cable's own, so that it is the clamps and the obstacles that come nearer. Load
+    per length and natural curvature stay what they are for the whole cable: only the end of the way counts.
+
+    Args:
+        stiffness, natural: (3,) of the cable, in units of its own.
+        conditions: the pose; without obstacles there is nothing to try.
+        hint: total twist that is asked for, rad, or None.
+        tolerance: of the end wrench.
+    """
+
+    def __init__(
+        self, stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None,
+        tolerance: float,
+    ) -> None:  # fmt: skip
+        self._section, self._conditions = (stiffness, natural), conditions
+        self._hint, self._tolerance = hint, tolerance
+        self._left = list(SLACK) if conditions.obstacles is not None else []
+        self._led: tuple[Rod, np.ndarray, np.ndarray, float] | None = None
+        """A rod that is being paid out: its shape, end force and length, parts of the whole."""
+
+    @property
+    def over(self) -> bool:
+        """Whether all has been tried."""
+        return self._led is None and not self._left
+
+    def settle(self) -> tuple[Found | None, float]:
+        """Begin with the next short cable, or pay one out a piece farther.
+
+        Returns the equilibrium of the whole cable, or None, and the work that it took.
+        """
+        if self._led is None:
+            return None, self._begin(self._left.pop(0))
+        rod, q, F, length = self._led
+        self._led = None
+
+        def path(t: float) -> Conditions:
+            there = _shortened(self._conditions, length + t * (1.0 - length))
+            return there if rod.qe @ there.qe > 0.0 else replace(there, qe=-there.qe)
+
+        carrier = None if isinstance(rod, NodalRod) else handover.nodal
+        rod.work = PIECE
+        led = walk(rod, q, F, path, 1e-3 * LOOSE, STEP, STEP, carrier, CONTACT_STEP)
+        work = PIECE - led.rod.work
+        if led.end is End.ARRIVED:
+            found, more = self._whole(led.rod, led.q, led.F)
+            return found, work + more
+        if led.end is End.UNFINISHED and (led.at > 0.0 or led.rod is not rod):
+            self._led = led.rod, led.q, led.F, length + led.at * (1.0 - length)
+        return None, work
+
+    def _begin(self, slack: float) -> float:
+        """Search for a short cable; returns the work that it took."""
+        whole = self._conditions
+        assert whole.obstacles is not None
+        strings = ways(whole.re, whole.obstacles, 1.0)
+        if not strings:
+            self._left.clear()
+            return 0.0
+        shortest = float(np.linalg.norm(np.diff(strings[0], axis=0), axis=1).sum())
+        length = min(1.0, slack * shortest)
+        search = Starts(*self._section, _shortened(whole, length), self._hint, LOOSE, False)
+        work = 0.0
+        while not search.over:
+            work += search.descend()
+        best = min(search.found, key=lambda one: one.energy, default=None)
+        self._led = None if best is None else (best.rod, best.q, best.F, length)
+        return work
+
+    def _whole(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Found | None, float]:
+        """The equilibrium to the tolerance beside that of the whole cable, and the work that it took."""
+        if isinstance(rod, NodalRod):
+            rod.work = LIMIT
+            return handover.exact(rod, self._tolerance, FRICTIONLESS), LIMIT - rod.work
+        if not rod.refactor(q, F):
+            return None, 0.0
+        one = Found(rod, q, F, float(rod.totals[3]), float(rod.totals[4]), 0)
+        found, estimate = refine(one, self._tolerance)
+        return found if estimate <= self._tolerance else None, found.iterations * found.rod.iteration_work
+
+
+def _shortened(whole: Conditions, length: float) -> Conditions:
+    """The pose as a cable of that length sees it, parts of the whole."""
+    assert whole.obstacles is not None
+    obstacles = whole.obstacles.copy()
+    obstacles[:, POSITION] /= length
+    obstacles[:, DIMENSIONS] /= length
+    return replace(whole, re=whole.re / length, obstacles=obstacles)
