@@ -49,6 +49,7 @@ class SolveLog:
             attachments=texts | dict(attachments or {}),
             metadata={"host": host_facts()} | dict(metadata or {}),
             max_bytes=0,
+            background=False,
         )
         self._frame = root_frame(scene.robot)
         self._wrenches = {
