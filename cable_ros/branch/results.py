@@ -94,13 +94,15 @@ def touching(
 
 
 def tangent(
-    rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units, names: Sequence[str], start: np.ndarray
-) -> Callable[[Sequence[str]], np.ndarray]:
+    rod: Rod, snapshot: Callable[[], Rod], q: np.ndarray, F: np.ndarray, unit: Units, names: Sequence[str],
+    start: np.ndarray,
+) -> Callable[[Sequence[str]], np.ndarray]:  # fmt: skip
     """What finds `Equilibrium.wrench_response` once it is called; from a copy, since the rod moves on.
 
-    `names` of the obstacles; `start` (7,) the start clamp in the world, m, quaternion x y z w.
+    `snapshot`: the rod's own; `names` of the obstacles; `start` (7,) the start clamp in the world, m,
+    quaternion x y z w.
     """
-    return partial(_tangent, rod.snapshot(), (rod.qe, rod.re, rod.f), q, F, unit, names, start.copy())
+    return partial(_tangent, snapshot, (rod.qe, rod.re, rod.f), q, F, unit, names, start.copy())
 
 
 def _tangent(
