@@ -7,7 +7,7 @@ import enum
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -131,6 +131,16 @@ class Modes:
     """(k, n, 3) displacement at the n points of the polyline, world; the largest of each mode is 1."""
 
 
+class Linearised(Protocol):
+    """The linearised equations about an equilibrium."""
+
+    def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
+        """See `Equilibrium.wrench_response`."""
+
+    def modes(self, count: int, points: int) -> Modes:
+        """See `Equilibrium.modes`; shapes at `points` equal arc lengths."""
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """One cable's equilibrium at one pose of the robot; SI units.
@@ -169,10 +179,9 @@ class Equilibrium:
     overlaps: tuple[Overlap, ...] = ()
     """Where its surface meets another cable's, or its own, which no equation forbids: where there is any, the
     equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
-    _tangent: Callable[[Sequence[str]], np.ndarray] | None = field(default=None, repr=False, compare=False)
+    _tangent: Linearised | None = field(default=None, repr=False, compare=False)
     _touching: Callable[[], ContactTable] | None = field(default=None, repr=False, compare=False)
     _extremes: Callable[[], tuple[Extreme, ...]] | None = field(default=None, repr=False, compare=False)
-    _modes: Callable[[int, int], Modes] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of(cls, **fields: Any) -> Equilibrium:
@@ -231,10 +240,9 @@ class Equilibrium:
         to slide, so that the frequencies are those of the least that holds the cable. NaN where it is
         friction alone that makes it stable. Takes milliseconds, on a grid of contacts a second.
         """
-        if self._modes is None:
-            empty = np.full((count, len(self.points), 3), np.nan)
-            return Modes(np.full(count, np.nan), empty)
-        return self._modes(count, len(self.points))
+        if self._tangent is None:
+            return Modes(np.full(count, np.nan), np.full((count, len(self.points), 3), np.nan))
+        return self._tangent.modes(count, len(self.points))
 
     def wrench_response(self, obstacles: Sequence[str] = ()) -> np.ndarray:
         """(12 + 6 k, 12 + 6 k) derivative of wrenches by small motions of both clamps and of k obstacles.
@@ -254,7 +262,9 @@ class Equilibrium:
         equations are singular.
         """
         size = 12 + 6 * len(obstacles)
-        return np.full((size, size), np.nan) if self._tangent is None else self._tangent(obstacles)
+        if self._tangent is None:
+            return np.full((size, size), np.nan)
+        return self._tangent.wrench_response(obstacles)
 
     @cached_property
     def clamp_stiffness(self) -> np.ndarray:

@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 
 from cable_ros.contact.distance import across
@@ -27,30 +24,21 @@ Held = tuple[np.ndarray, np.ndarray]
 
 
 def modes(
-    rod: Rod, snapshot: Callable[[], Rod], q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units,
-    density: float,
-) -> Callable[[int, int], Modes]:  # fmt: skip
-    """What finds `Equilibrium.modes` once it is called; from a copy, since the rod moves on.
+    rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, density: float, count: int,
+    points: int,
+) -> Modes:  # fmt: skip
+    """The `count` lowest modes, their shapes at `points` equal arc lengths; see `Equilibrium.modes`.
 
     Args:
-        snapshot: the rod's own.
-        rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,).
+        rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,); its tangent is set up.
         start: (7,) the start clamp in the world, m, quaternion x y z w.
         unit: of the cable.
         density: mass per length, kg/m.
+        count: of modes.
+        points: 2 or more.
     """
-    conditions = rod.qe, rod.re, rod.f
-    return partial(_found, snapshot, conditions, q, F, start.copy(), unit, density)
-
-
-def _found(
-    snapshot: Callable[[], Rod], conditions: tuple[np.ndarray, np.ndarray, np.ndarray], q: np.ndarray,
-    F: np.ndarray, start: np.ndarray, unit: Units, density: float, count: int, points: int,
-) -> Modes:  # fmt: skip
     if not density:
         return no_modes(count, points, np.inf)
-    rod = snapshot()
-    rod.set_conditions(*conditions)
     moved, H, held = _problem(rod, q, F)
     try:
         omega, vectors = lowest(H, mass(moved), held, count)

@@ -20,7 +20,6 @@ from cable_ros.branch.cold_start import (
 )
 from cable_ros.branch.continuation import FREE_TO_TURN, Fall
 from cable_ros.branch.extremes import Obstacles, extremes
-from cable_ros.branch.modes import modes
 from cable_ros.branch.standing import Standing, alone, motion
 from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB
@@ -191,7 +190,6 @@ class TrackedEquilibrium(CableModel):
             rod, self._q, self._F, start, unit, self.polyline_points
         )
         friction = None if self._obstacles is None else self._obstacles[:, 17]
-        snapshot = rod.snapshot()
         return Equilibrium.of(
             status=status, message=message, converged=standing.loss is None, stable=True,
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
@@ -199,9 +197,8 @@ class TrackedEquilibrium(CableModel):
             energy=float(rod.totals[3]) * unit.moment - unit.length * float(self._weight @ start[:3]),
             error_estimate=self._estimate, iterations=iterations,
             solve_time=time.perf_counter() - begin, overlaps=overlaps,
-            _tangent=results.tangent(rod, snapshot, self._q, self._F, unit, self._names, start),
+            _tangent=results.Tangent(rod, self._q, self._F, unit, self._names, start, self._density),
             _touching=results.touching(rod, friction, self._names, start, unit),
-            _modes=modes(rod, snapshot, self._q, self._F, start, unit, self._density),
         )  # fmt: skip
 
     def _carried(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:

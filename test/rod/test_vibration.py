@@ -22,8 +22,7 @@ BEAM = (4.730040744862704, 7.853204624095838, 10.995607838001671)
 
 def omega(rod: Rod, q: np.ndarray, F: np.ndarray, count: int) -> np.ndarray:
     """(count,) angular frequencies in units of the cable."""
-    found = modes(rod, rod.snapshot(), q, F, STILL, Units(1.0, 1.0), 1.0)(count, 2)
-    return 2.0 * np.pi * found.frequencies
+    return 2.0 * np.pi * modes(rod, q, F, STILL, Units(1.0, 1.0), 1.0, count, 2).frequencies
 
 
 def straight(rod: Rod) -> np.ndarray:
