@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.contact.distance import across
+from cable_ros.contact.distance import across, gap
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.points import FORCE, OBSTACLE, PLACE, SLIPS
@@ -19,6 +19,10 @@ from cable_ros.rod.vibration import Motion, dense, lowest, mass, motion, strain_
 
 RIGID = 1e6
 """EI / L^3; what holds the cable more stiffly than this holds it as if it were rigid."""
+PAIR = 2
+"""Number of places side by side on a grid that stand for one point of contact; more are a patch."""
+FLAT = 1e-9
+"""1 / L; a gap whose curvature along the cable is less than this is flat."""
 Held = tuple[np.ndarray, np.ndarray]
 """Rows (r, N) that do not move, and the stiffness (N, N) of all else that contacts do."""
 
@@ -77,18 +81,65 @@ def _problem(rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Motion, np.ndarray
 def _contacts(rod: Rod, moved: Motion) -> Held:
     """What contacts that press hold, in the rod's unknowns: they go on pressing, and what sticks sticks."""
     size = moved.starts.shape[2]
-    nothing = np.zeros((0, size)), np.zeros((size, size))
     if isinstance(rod, TouchingRod) and rod.count:
         return _active_set(rod, moved)
     if isinstance(rod, NodalRod) and rod.touches:
-        places, springs = rod.contact_stiffness()
-        J = moved.starts[places]
-        values, axes = np.linalg.eigh(springs)
-        rigid = values > RIGID
-        rows = np.einsum("cia,can->cin", axes.transpose(0, 2, 1), J)
-        soft = np.where(rigid, 0.0, values)
-        return rows[rigid], np.einsum("cin,ci,cim->nm", rows, soft, rows, optimize=True)
-    return nothing
+        return _grid(rod, moved)
+    return np.zeros((0, size)), np.zeros((size, size))
+
+
+def _grid(rod: NodalRod, moved: Motion) -> Held:
+    """Of contacts at fixed material points.
+
+    One or two side by side stand for a point of contact between them, which slides along the cable to the
+    gap's minimum. Held both, two would hold the slope, too.
+    """
+    boundaries, obstacles, springs = rod.contact_stiffness()
+    values, axes = np.linalg.eigh(springs)
+    number = {pair: i for i, pair in enumerate(zip(boundaries.tolist(), obstacles.tolist(), strict=True))}
+    pressure, J = rod.state.lam, moved.starts
+    rows, stiffness = [np.zeros((0, J.shape[2]))], [np.zeros(0)]
+    for o in range(pressure.shape[1]):
+        for run in _runs(np.flatnonzero(pressure[:, o] > 0.0)):
+            force = pressure[run, o]
+            whole = float(force.sum())
+            if len(run) > PAIR:
+                for k in run.tolist():
+                    i = number[k, o]
+                    rows.append(axes[i].T @ J[k])
+                    stiffness.append(values[i])
+                continue
+            share = force / whole
+            i = number[int(run[np.argmax(force)]), o]
+            rows.append(axes[i].T @ np.einsum("k,kan->an", share, J[run]))
+            stiffness.append(np.where(values[i] > RIGID, values[i], values[i] * whole / force.max()))
+            slopes, curvatures = zip(*(_slope(rod, moved, int(k), o) for k in run), strict=True)
+            rows.append((share @ np.array(slopes))[None])
+            stiffness.append(np.array([whole / max(float(share @ np.array(curvatures)), FLAT)]))
+    every, values = np.concatenate(rows), np.concatenate(stiffness)
+    rigid = values > RIGID
+    soft = every[~rigid]
+    return every[rigid], (soft.T * values[~rigid]) @ soft
+
+
+def _runs(at: np.ndarray) -> list[np.ndarray]:
+    """The runs of consecutive numbers in `at` (k,), which rise."""
+    return [run for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if len(run)]
+
+
+def _slope(rod: NodalRod, moved: Motion, k: int, o: int) -> tuple[np.ndarray, float]:
+    """Of the gap to obstacle o along the cable at boundary k: its slope's derivative (N,), its curvature."""
+    assert rod.obstacles is not None
+    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+    gap(rod.obstacles[o], rod.state.r[k], n, directions, bends)
+    node = k * rod.mesh.element.order
+    before, t, after = quaternion.tangents(rod.state.q[node - 1 : node + 2])
+    turned = (after - before) / float(rod.mesh.nodes[node + 1] - rod.mesh.nodes[node - 1])
+    along = (bends * (directions @ t)) @ directions
+    first = quaternion.rotate(rod.state.q[node], np.array([1.0, 0.0, 0.0]))
+    row = along @ moved.starts[k]
+    row[3 * node : 3 * node + 2] += np.cross(first, t) @ n, first @ n
+    return row, float(n @ turned + along @ t)
 
 
 def _active_set(rod: TouchingRod, moved: Motion) -> Held:

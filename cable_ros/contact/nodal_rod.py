@@ -592,15 +592,13 @@ class NodalRod(Rod):
         at, _, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
         return softest(self._tangents, self._rows, at, contacts, self.waves(), iterations)
 
-    def contact_stiffness(self) -> tuple[np.ndarray, np.ndarray]:
-        """Boundaries (c,) that touch, and with what stiffness (c, 3, 3) each contact holds its position.
+    def contact_stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the c contacts: boundaries (c,), obstacles (c,), and stiffness (c, 3, 3) against motion there.
 
         At the last equilibrium, whose tangent must be set up, see `refactor`.
         """
-        _, (boundaries, _), contacts = contact_tangents(
-            self.state, self._last_step(), self._rows, *self._size
-        )
-        return boundaries, condensed(contacts)
+        _, touched, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
+        return *touched, condensed(contacts)
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Relative difference of its end wrench from its twin's, when they last were at one pose."""
