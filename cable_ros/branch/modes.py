@@ -11,6 +11,7 @@ from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.points import FORCE, OBSTACLE, PLACE, SLIPS
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.equilibrium import Modes
+from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import quaternion
 from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import Rod
@@ -44,10 +45,16 @@ def modes(
     if not density:
         return no_modes(count, points, np.inf)
     moved, H, held = _problem(rod, q, F)
+    M, n = mass(moved), len(rod.elastic)
     try:
-        omega, vectors = lowest(H, mass(moved), held, count)
+        omega, vectors = lowest(H, M, held, count)
     except np.linalg.LinAlgError:
-        return no_modes(count, points, np.nan)
+        # what turns freely is stable with a little more stiffness
+        H[:n, :n] += NEUTRAL * dense(rod.elastic)
+        try:
+            omega, vectors = lowest(H, M, held, count)
+        except np.linalg.LinAlgError:
+            return no_modes(count, points, np.nan)
     turn = quaternion.matrix_from_ros(start[3:])
     shapes = np.einsum("ab,sbn,nk->ksa", turn, moved.at(np.linspace(0.0, 1.0, points)), vectors)
     largest = np.linalg.norm(shapes, axis=2).max(axis=1)
