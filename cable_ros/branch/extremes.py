@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_ros.contact.clearance import clearance
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.points import FORCE, FRICTION, HELD, PLACE
+from cable_ros.contact.points import FORCE, FRICTION, PLACE
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.limits import QUANTITIES, Extreme
 from cable_ros.rod import quaternion
@@ -62,7 +62,7 @@ def point_forces(rod: Rod) -> tuple[np.ndarray, np.ndarray]:
     elif isinstance(rod, TouchingRod) and rod.count:
         points = rod.points[: rod.count]
         places = points[:, PLACE]
-        forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION:HELD]
+        forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     else:
         return NO_PLACES, NO_LINES
     order = np.argsort(places, kind="stable")

@@ -34,8 +34,8 @@ class LogWriter:
     (before compression) or age: what a killed process loses at most.
     `sync_seconds`: how often the disk itself is made to take it: what a power cut loses at most. Five
     seconds is ext4's own commit interval; more often costs an SD card wear and gains little.
-    `background`: whether a thread does the writing. Without one the caller does it whenever a chunk is full,
-    and ages and times do not count: for programs that fork, which a thread would forbid.
+    `background`: whether a thread does the writing. Without one the caller does it whenever a chunk is full:
+    for programs that fork, which a thread would forbid. Ages do not count then, and nothing is split.
 
     Messages are packed where they are offered, which costs a microsecond or two each; the thread gets whole
     chunks, and what it does with one mostly leaves the interpreter to others. `write` is meant to be called
