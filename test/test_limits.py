@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from nodal_scenes import pressed
 from references.rods import STILL
+from test_lying import CASES, RADIUS, tracker
 
 from cable_ros import Equilibrium, Tracker, load_scene
 from cable_ros.batch import solve_many
 from cable_ros.branch import handover
 from cable_ros.branch.extremes import Obstacles, extremes
+from cable_ros.contact.distance import WIDTH
 from cable_ros.contact.friction_kernels import FRICTIONLESS
 from cable_ros.limits import BEYOND, NEAR, OK, QUANTITIES, Extreme
 from cable_ros.rod.units import Units
@@ -145,6 +147,19 @@ def test_where_it_touches_the_clearance_is_nothing():
     # A contact is held to far less than 1e-6 of the length of 0.38 m.
     assert abs(found.extremes[3].value) < 1e-7
     assert found.extremes[3].level == BEYOND
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
+def test_on_a_drum_it_is_bent_as_the_drum_is(tolerance):
+    """Rod over a drum of 0.15 m, whose radius is that of the centreline there: no span is bent more."""
+    steps, _ = tracker(CASES["draped"], tolerance)
+    (follower,) = steps._followers
+    nothing = Obstacles(np.zeros((0, WIDTH)), ())
+    radius, *_ = extremes(
+        follower.rod, follower.q, follower._F, STILL, follower._units, CableLimits(), nothing
+    )()
+    # Of the moment the parts of the pressure leave 1e-4; exact ones would leave the wrench's tolerance.
+    assert radius.value == pytest.approx(RADIUS, rel=2e-4)
 
 
 @pytest.mark.parametrize("shape", ["sphere", "plane", "box"])

@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_ros.contact.clearance import clearance
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.points import FORCE, FRICTION, PLACE
+from cable_ros.contact.points import FORCE, FRICTION, LENGTH, PLACE
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.limits import QUANTITIES, Extreme
 from cable_ros.rod import quaternion
@@ -23,6 +23,9 @@ from cable_ros.rod.resultants import CURVATURE, TENSION, TWIST, Law, Loads, Shap
 from cable_ros.rod.units import Units
 from cable_ros.scene.cable_limits import CableLimits
 
+SPREAD = 4
+"""Number of forces that stand for the pressure at a sample of a patch: one leaves an error of 3e-3 of the
+curvature there, 4 one of 1e-4."""
 NO_PLACES = np.zeros(0)
 
 
@@ -56,15 +59,23 @@ def extremes(
 
 
 def point_forces(rod: Rod) -> tuple[np.ndarray, np.ndarray]:
-    """Arc lengths (k,), rising, and forces on the rod (k, 3) of its contacts, in units of the cable."""
+    """Arc lengths (k,), rising, and forces on the rod (k, 3) of its contacts, in units of the cable.
+
+    What stands for the pressure along a length is spread over that, with the same moment: a single force
+    would bend a kink into the curvature.
+    """
     if isinstance(rod, NodalRod):
-        places, _, _, forces, *_ = rod.contacts()
+        places, _, _, forces, _, _, lengths = rod.contacts()
     elif isinstance(rod, TouchingRod) and rod.count:
         points = rod.points[: rod.count]
-        places = points[:, PLACE]
+        places, lengths = points[:, PLACE], points[:, LENGTH]
         forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     else:
         return NO_PLACES, NO_LINES
+    times = np.where(lengths > 0.0, SPREAD, 1)
+    apart = np.concatenate([(np.arange(count) + 0.5) / count - 0.5 for count in (*times, 1)])[:-1]
+    places = np.repeat(places, times) + apart * np.repeat(lengths, times)
+    forces = np.repeat(forces / times[:, None], times, axis=0)
     order = np.argsort(places, kind="stable")
     return np.ascontiguousarray(places[order]), np.ascontiguousarray(forces[order])
 
