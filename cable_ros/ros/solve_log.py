@@ -53,6 +53,8 @@ class SolveLog:
             max_bytes=0,
             background=False,
         )
+        for topic in ("/joint_states", f"{NODE}/joint_load"):
+            self._writer.add_topic(topic, JOINT_STATE, exact=True)
         self._frame = root_frame(scene.robot)
         self._wrenches = {
             (cable.name, clamp): WrenchMessage(f"{cable.name}_{clamp}")
