@@ -26,7 +26,7 @@ from cable_ros.scene.cable_limits import CableLimits
 SPREAD = 4
 """Number of forces that stand for the pressure at a sample of a patch: one leaves an error of 3e-3 of the
 curvature there, 4 one of 1e-4."""
-NO_PLACES = np.zeros(0)
+NO_ARC_LENGTHS = np.zeros(0)
 
 
 class Obstacles(NamedTuple):
@@ -50,8 +50,8 @@ def extremes(
         limits: of the cable.
         obstacles: what it keeps clear of, whether or not contact is among its effects.
     """
-    places, forces = point_forces(rod)
-    loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), places, forces)
+    arc_lengths, forces = point_forces(rod)
+    loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), arc_lengths, forces)
     compliance = rod.compliance if isinstance(rod, StretchingRod) else np.zeros(3)
     mesh = rod.h.copy(), rod.s0.copy(), rod.mesh.element.order
     law = Law(rod.K, rod.natural)
@@ -65,19 +65,19 @@ def point_forces(rod: Rod) -> tuple[np.ndarray, np.ndarray]:
     would bend a kink into the curvature.
     """
     if isinstance(rod, NodalRod):
-        places, _, _, forces, _, _, lengths = rod.contacts()
+        arc_lengths, _, _, forces, _, _, lengths = rod.contacts()
     elif isinstance(rod, TouchingRod) and rod.count:
         points = rod.points[: rod.count]
-        places, lengths = points[:, PLACE], points[:, LENGTH]
+        arc_lengths, lengths = points[:, PLACE], points[:, LENGTH]
         forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     else:
-        return NO_PLACES, NO_LINES
+        return NO_ARC_LENGTHS, NO_LINES
     times = np.where(lengths > 0.0, SPREAD, 1)
     apart = np.concatenate([(np.arange(count) + 0.5) / count - 0.5 for count in (*times, 1)])[:-1]
-    places = np.repeat(places, times) + apart * np.repeat(lengths, times)
+    arc_lengths = np.repeat(arc_lengths, times) + apart * np.repeat(lengths, times)
     forces = np.repeat(forces / times[:, None], times, axis=0)
-    order = np.argsort(places, kind="stable")
-    return np.ascontiguousarray(places[order]), np.ascontiguousarray(forces[order])
+    order = np.argsort(arc_lengths, kind="stable")
+    return np.ascontiguousarray(arc_lengths[order]), np.ascontiguousarray(forces[order])
 
 
 def _found(
@@ -106,6 +106,6 @@ def _found(
             position(c, h, s0, s, r)
             r = start[:3] + unit.length * turn @ r
         near = obstacles.names[which] if quantity.name == "clearance" and np.isfinite(value) else ""
-        place = s * unit.length if np.isfinite(value) else np.nan
-        out.append(Extreme(quantity, float(value), place, r, getattr(limits, quantity.name), near))
+        at_s = s * unit.length if np.isfinite(value) else np.nan
+        out.append(Extreme(quantity, float(value), at_s, r, getattr(limits, quantity.name), near))
     return tuple(out)

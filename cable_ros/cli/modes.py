@@ -78,11 +78,11 @@ def describe(name: str, found: Equilibrium, modes: Modes) -> str:
     ]
     for number, (frequency, shape) in enumerate(zip(modes.frequencies, modes.shapes, strict=True), 1):
         size = np.linalg.norm(shape, axis=1)
-        place = length * float(np.argmax(size)) / (len(size) - 1)
+        arc_length = length * float(np.argmax(size)) / (len(size) - 1)
         shares = 100.0 * (shape**2).sum(axis=0) / (shape**2).sum()
         lines.append(
             f"  {number:>3}{engineering(frequency, 'Hz'):>14}{engineering(1.0 / frequency, 's'):>12}"
-            f"{f'{place:.3g} m':>12}   " + ", ".join(f"{share:.0f} %" for share in shares)
+            f"{f'{arc_length:.3g} m':>12}   " + ", ".join(f"{share:.0f} %" for share in shares)
         )
     swing = engineering(1.0 / (2.0 * math.pi * lowest) ** 2, "m")
     return "\n".join(

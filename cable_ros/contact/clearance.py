@@ -38,20 +38,20 @@ def clearance(c, h, s0, obstacles):
     work, ends = np.empty((5, 3)), np.empty(COARSE + 1)
     wide, step = 1.0 / COARSE, 1.0 / (COARSE * FINE)
     for o in range(obstacles.shape[0]):
-        near, place = np.inf, 0.0
+        near, at_s = np.inf, 0.0
         for i in range(COARSE + 1):
             ends[i] = distance(obstacles[o], c, h, s0, i * wide, work)
             if ends[i] < near:
-                near, place = ends[i], i * wide
+                near, at_s = ends[i], i * wide
         for i in range(COARSE):
             if 0.5 * (ends[i] + ends[i + 1] - STEEP * wide) < min(near, best):
                 for k in range(1, FINE):
                     value = distance(obstacles[o], c, h, s0, i * wide + k * step, work)
                     if value < near:
-                        near, place = value, i * wide + k * step
+                        near, at_s = value, i * wide + k * step
         if near - STEEP * step >= best:
             continue
-        a, b = max(place - step, 0.0), min(place + step, 1.0)
+        a, b = max(at_s - step, 0.0), min(at_s + step, 1.0)
         u, v = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
         left, right = distance(obstacles[o], c, h, s0, u, work), distance(obstacles[o], c, h, s0, v, work)
         for _ in range(SECTIONS):
@@ -64,7 +64,7 @@ def clearance(c, h, s0, obstacles):
                 v = a + GOLDEN * (b - a)
                 right = distance(obstacles[o], c, h, s0, v, work)
         if left < near:
-            near, place = left, u
+            near, at_s = left, u
         if near < best:
-            best, at, which = near, place, o
+            best, at, which = near, at_s, o
     return best, at, which

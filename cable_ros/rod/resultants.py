@@ -26,9 +26,9 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 CURVATURE, TENSION, TWIST = 0, 1, 2
 """Rows of `largest`."""
 GOLDEN = 0.6180339887498949
-"""Part of a bracket that a golden section leaves."""
+"""Fraction of a bracket that a golden section leaves."""
 SECTIONS = 20
-"""Number of golden sections: the place is then known to 7e-5 of a bracket, the value to 4e-9 of its rise."""
+"""Number of golden sections; they leave 7e-5 of a bracket, and 4e-9 of the value's rise there."""
 EQUAL = 1e-12
 """Relative difference of two maxima that is rounding: the first one along the rod is taken."""
 
@@ -66,7 +66,7 @@ class Loads(NamedTuple):
     """(3,) end moment along the start frame's axes, EI / L."""
     f: np.ndarray
     """(3,) load per length, EI / L^3."""
-    places: np.ndarray
+    arc_lengths: np.ndarray
     """(k,) rising arc lengths of point forces, L."""
     forces: np.ndarray
     """(k, 3) point forces, EI / L^2."""
@@ -126,7 +126,7 @@ def add_cross(a, b, sign, out):
 
 @njit(**LEAF)
 def fields(shape, law, f, balance, e, x, work, out):
-    """Squared bending curvature, tension and elastic twist, out (3,), at the place x of element e.
+    """Squared bending curvature, tension and elastic twist, out (3,), at the fraction x of element e.
 
     `f`: load per length; `work` (5, 4): workspace.
     """
@@ -167,7 +167,7 @@ def fields(shape, law, f, balance, e, x, work, out):
 
 @njit(**LEAF)
 def refine(shape, law, f, balance, e, k, a, b, work, pair):
-    """Maximum of field k between the places a and b of element e, by golden sections: value and place."""
+    """Maximum of field k between the fractions a and b of element e: value and fraction of the element."""
     u, v = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
     fields(shape, law, f, balance, e, u, work, pair[0])
     fields(shape, law, f, balance, e, v, work, pair[1])
@@ -187,7 +187,7 @@ def refine(shape, law, f, balance, e, k, a, b, work, pair):
 
 @njit(**LEAF)
 def search(shape, law, f, balance, e, begin, end, work, samples, out):
-    """Update the maxima `out` of `largest` by those between the places `begin` and `end` of element e.
+    """Update the maxima `out` of `largest` by those between the fractions `begin` and `end` of element e.
 
     `samples` (2 order + 3, 3): workspace; its last two rows are `refine`'s.
     """
@@ -206,7 +206,7 @@ def search(shape, law, f, balance, e, begin, end, work, samples, out):
             if value + 0.5 * (value - low) < out[k, 0]:
                 continue
             x = begin + i * step
-            inner, place = refine(
+            inner, found = refine(
                 shape,
                 law,
                 f,
@@ -219,7 +219,7 @@ def search(shape, law, f, balance, e, begin, end, work, samples, out):
                 samples[count:],
             )
             if inner > value:
-                value, x = inner, place
+                value, x = inner, found
             if not value <= out[k, 0] + EQUAL * abs(out[k, 0]):
                 out[k, 0], out[k, 1] = value, shape.s0[e] + shape.h[e] * x
 
@@ -232,7 +232,7 @@ def largest(shape, law, loads):
     refined by golden sections. Both sides of a point force count.
     """
     _, h, s0, nodes, c = shape
-    F, M, f, places, forces = loads
+    F, M, f, arc_lengths, forces = loads
     elements, top = h.shape[0], c.shape[1]
     balance = Balance(np.zeros((elements + 1, 3)), M.copy(), F.copy())
     tails, lever, force = balance
@@ -244,8 +244,8 @@ def largest(shape, law, loads):
     r = np.empty(3)
     position(c, h, s0, 1.0, r)
     add_cross(r, F, 1.0, lever)
-    for i in range(places.shape[0]):
-        position(c, h, s0, places[i], r)
+    for i in range(arc_lengths.shape[0]):
+        position(c, h, s0, arc_lengths[i], r)
         add_cross(r, forces[i], 1.0, lever)
         for a in range(3):
             force[a] += forces[i, a]
@@ -257,12 +257,12 @@ def largest(shape, law, loads):
     for e in range(elements):
         begin, last = 0.0, False
         while not last:
-            last = at == places.shape[0] or places[at] >= s0[e] + h[e]
-            end = 1.0 if last else min(max((places[at] - s0[e]) / h[e], begin), 1.0)
+            last = at == arc_lengths.shape[0] or arc_lengths[at] >= s0[e] + h[e]
+            end = 1.0 if last else min(max((arc_lengths[at] - s0[e]) / h[e], begin), 1.0)
             if end > begin:
                 search(shape, law, f, balance, e, begin, end, work, samples, out)
             if not last:
-                position(c, h, s0, places[at], r)
+                position(c, h, s0, arc_lengths[at], r)
                 add_cross(r, forces[at], -1.0, lever)
                 for a in range(3):
                     force[a] -= forces[at, a]

@@ -28,7 +28,7 @@ from cable_ros.rod.elements import Mesh, primitives, reference_element
 from cable_ros.rod.quaternion import matrices_from_ros, to_ros
 
 DEPENDENT = 1e-9
-"""Rows that hold the rod count as one if they differ by less than this part of their size."""
+"""Rows that hold the rod count as one if they differ by less than this fraction of their size."""
 
 
 class Motion(NamedTuple):
@@ -90,11 +90,11 @@ def motion(q: np.ndarray, mesh: Mesh, compliance: np.ndarray, G: np.ndarray) -> 
         strains = size + np.arange(m * g * len(soft)).reshape(m, -1)
         columns = np.concatenate([columns, strains], axis=1)
         size += strains.size
-    ways = np.zeros((m + 1, 3, size))
-    passed = lengths[:, None, None] * np.einsum("g,egaj->eaj", element.weights, tangents)
+    displacements = np.zeros((m + 1, 3, size))
+    own_displacement = lengths[:, None, None] * np.einsum("g,egaj->eaj", element.weights, tangents)
     for e in range(m):
-        ways[e + 1][:, columns[e]] = passed[e]
-    return Motion(mesh, tangents, columns, np.cumsum(ways, axis=0))
+        displacements[e + 1][:, columns[e]] = own_displacement[e]
+    return Motion(mesh, tangents, columns, np.cumsum(displacements, axis=0))
 
 
 def mass(moved: Motion) -> np.ndarray:

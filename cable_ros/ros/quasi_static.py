@@ -12,7 +12,7 @@ import numpy as np
 from cable_ros.equilibrium import Equilibrium
 
 MOST_SWING = 0.01
-"""Part of the cable's length; a larger swing is told."""
+"""Maximum swing that is not told, fraction of the cable's length."""
 PARTS = 8
 """The acceleration is taken over a period of the lowest vibration by this number, twice."""
 LONGEST = 1.0
