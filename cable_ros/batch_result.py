@@ -55,6 +55,9 @@ class Batch:
     stiffness: np.ndarray | None = None
     """(m, c, 6, 6) derivative of the end wrench by a small motion of the end clamp, in its frame; None unless
     it was asked for."""
+    extremes: np.ndarray | None = None
+    """(m, c, 4, 2) smallest bend radius, m, largest tension, N, and torsion, rad/m, least clearance, m, each
+    with its arc length, m; NaN for a cable without `limits`, None where no cable has any."""
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -84,12 +87,14 @@ def taken(batch: Batch, rows: np.ndarray) -> Batch:
 def _each(function: Callable[..., np.ndarray], *batches: Batch) -> Batch:
     """A batch whose every array is `function` of theirs."""
     first = batches[0]
-    names = ["joints", "joint_load", *PER_CABLE, *(["stiffness"] if first.stiffness is not None else [])]
+    given = [name for name in OPTIONAL if getattr(first, name) is not None]
+    names = ["joints", "joint_load", *PER_CABLE, *given]
     arrays = {name: function(*(getattr(batch, name) for batch in batches)) for name in names}
     return Batch(first.cables, first.joint_names, **arrays)
 
 
-PER_CABLE = tuple(field.name for field in fields(Batch))[4:-1]
+OPTIONAL = ("stiffness", "extremes")
+PER_CABLE = tuple(field.name for field in fields(Batch))[4 : -len(OPTIONAL)]
 
 
 def with_snaps(batch: Batch, snapped: np.ndarray) -> Batch:

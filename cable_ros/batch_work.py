@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_ros.batch_result import PER_CABLE, Batch, with_snaps
-from cable_ros.equilibrium import Status
+from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.joint import joint_torques
+from cable_ros.limits import QUANTITIES
 from cable_ros.scene import Kinematics, Scene
 from cable_ros.tracker import Tracker
 
@@ -182,9 +183,19 @@ def _solve_row(job: Job, tracker: Tracker, poses: np.ndarray) -> Batch:
         name: np.array([[getattr(row[cable], name) for cable in cables] for row in rows])
         for name in (*PER_CABLE, *(["stiffness"] if job.stiffness else []))
     }
+    if any(cable.limits is not None for cable in job.scene.cables):
+        arrays["extremes"] = np.array([[_extremes(row[cable]) for cable in cables] for row in rows])
     batch = Batch(cables, names, poses, joint_torques(tracker, rows, poses), **arrays)
     refused = ~batch.trusted
     for values in arrays.values():
         if values.dtype == float:
             values[refused] = np.nan
     return batch
+
+
+def _extremes(found: Equilibrium) -> np.ndarray:
+    """(4, 2) value and arc length of each extreme; NaN without any."""
+    out = np.full((len(QUANTITIES), 2), np.nan)
+    for row, extreme in zip(out, found.extremes, strict=False):
+        row[:] = extreme.value, extreme.arc_length
+    return out

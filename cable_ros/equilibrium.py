@@ -7,9 +7,11 @@ import enum
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+
+from cable_ros.limits import Extreme
 
 
 class Status(enum.Enum):
@@ -119,6 +121,26 @@ class ContactTable:
         return {self.names[which]: sums[which] for which in sorted(set(self.obstacle.tolist()))}
 
 
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """The k lowest free vibrations about an equilibrium, clamps and obstacles at rest."""
+
+    frequencies: np.ndarray
+    """(k,) rising, Hz; infinite for a cable without mass, NaN without a result."""
+    shapes: np.ndarray
+    """(k, n, 3) displacement at the n points of the polyline, world; the largest of each mode is 1."""
+
+
+class Linearised(Protocol):
+    """The linearised equations about an equilibrium."""
+
+    def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
+        """See `Equilibrium.wrench_response`."""
+
+    def modes(self, count: int, points: int) -> Modes:
+        """See `Equilibrium.modes`; shapes at `points` equal arc lengths."""
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """One cable's equilibrium at one pose of the robot; SI units.
@@ -157,8 +179,9 @@ class Equilibrium:
     overlaps: tuple[Overlap, ...] = ()
     """Where its surface meets another cable's, or its own, which no equation forbids: where there is any, the
     equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
-    _tangent: Callable[[Sequence[str]], np.ndarray] | None = field(default=None, repr=False, compare=False)
+    _tangent: Linearised | None = field(default=None, repr=False, compare=False)
     _touching: Callable[[], ContactTable] | None = field(default=None, repr=False, compare=False)
+    _extremes: Callable[[], tuple[Extreme, ...]] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of(cls, **fields: Any) -> Equilibrium:
@@ -189,6 +212,17 @@ class Equilibrium:
         return () if self._contact_table is None else self._contact_table.contacts()
 
     @cached_property
+    def extremes(self) -> tuple[Extreme, ...]:
+        """Smallest bend radius, largest tension and torsion, least clearance, each with its place and limit.
+
+        Only of a cable with `limits` in its scene and of a trusted result, otherwise empty; computed when
+        first read. The bend radius is that of the sections' turn along the unstretched cable, natural
+        curvature included; torsion is the twist beyond the natural one; clearance is that of the surface from
+        obstacles, whether or not contact is in the equations.
+        """
+        return () if self._extremes is None else self._extremes()
+
+    @cached_property
     def obstacle_wrenches(self) -> dict[str, np.ndarray]:
         """What the cable exerts on each obstacle that it touches, by name, friction included.
 
@@ -197,6 +231,18 @@ class Equilibrium:
         a diameter away; the moment of friction over that distance is left out on both bodies.)
         """
         return {} if self._contact_table is None else self._contact_table.obstacle_wrenches()
+
+    def modes(self, count: int = 6) -> Modes:
+        """The `count` lowest natural frequencies about this equilibrium, and their modes.
+
+        Small vibrations without damping, by a consistent mass matrix of the mass per length; of sections'
+        own inertia see `rod.vibration`. Contacts go on pressing and what sticks sticks; what slips is free
+        to slide, so that the frequencies are those of the least that holds the cable. NaN where it is
+        friction alone that makes it stable. Takes milliseconds, on a grid of contacts a second.
+        """
+        if self._tangent is None:
+            return Modes(np.full(count, np.nan), np.full((count, len(self.points), 3), np.nan))
+        return self._tangent.modes(count, len(self.points))
 
     def wrench_response(self, obstacles: Sequence[str] = ()) -> np.ndarray:
         """(12 + 6 k, 12 + 6 k) derivative of wrenches by small motions of both clamps and of k obstacles.
@@ -216,7 +262,9 @@ class Equilibrium:
         equations are singular.
         """
         size = 12 + 6 * len(obstacles)
-        return np.full((size, size), np.nan) if self._tangent is None else self._tangent(obstacles)
+        if self._tangent is None:
+            return np.full((size, size), np.nan)
+        return self._tangent.wrench_response(obstacles)
 
     @cached_property
     def clamp_stiffness(self) -> np.ndarray:
@@ -242,9 +290,10 @@ class Equilibrium:
         return self.clamp_stiffness[6:, 6:]
 
     def as_dict(self) -> dict[str, Any]:
-        """All public fields, `contacts` and `overlaps` (as mappings) and `stiffness` by name."""
+        """All public fields, `contacts`, `overlaps` and `extremes` (as mappings) and `stiffness` by name."""
         out = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
         out["contacts"] = [asdict(contact) for contact in self.contacts]
         out["overlaps"] = [asdict(overlap) for overlap in self.overlaps]
+        out["extremes"] = [extreme.as_dict() for extreme in self.extremes]
         out["stiffness"] = self.stiffness
         return out

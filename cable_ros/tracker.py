@@ -16,6 +16,7 @@ from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.common.compile_watch import GETTING, listen
 from cable_ros.common.packing import pack, unpack
 from cable_ros.contact.overlaps import OUTLINE, Pairs
+from cable_ros.effects.contact import encode
 from cable_ros.effects.registry import environments, properties
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import Kinematics, Scene, load_scene
@@ -66,6 +67,11 @@ class Tracker:
             for cable in self.scene.cables
         )
         self._pairs = Pairs(self.scene.cables)
+        self._beside = {
+            i: encode(self.scene.obstacles, cable.radius)
+            for i, cable in enumerate(self.scene.cables)
+            if cable.limits is not None
+        }
         self._joints: np.ndarray | None = None
         self._auto = self.scene.effects == "auto"
 
@@ -206,6 +212,8 @@ class Tracker:
                 found = dataclasses.replace(found, solve_time=max(found.solve_time - spent, 0.0))
             out[follower.name] = found
             begin = time.perf_counter()
+        for i in self._beside:
+            self._watch(i, values, poses[i], out)
         self._joints = values
         if len(out) > 1:
             self._pairs.mark(out, poses, self._outlines(out, poses))
@@ -213,6 +221,18 @@ class Tracker:
             for name, found in out.items():
                 out[name] = dataclasses.replace(found, message=f"{found.message} {self.outside}")
         return out
+
+    def _watch(
+        self, index: int, joints: np.ndarray, poses: np.ndarray, found: dict[str, Equilibrium]
+    ) -> None:
+        """Let a cable's result in `found` tell its extremes, if it is trusted."""
+        follower, limits = self._followers[index], self.scene.cables[index].limits
+        equilibrium = found[follower.name]
+        if limits is None or not equilibrium.status.trusted:
+            return
+        links = self.kinematics.obstacle_poses(joints)
+        extremes = follower.extremes(limits, self._beside[index], links, poses[0])
+        found[follower.name] = dataclasses.replace(equilibrium, _extremes=extremes)
 
     def arrive(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
         """As `solve`, called again until no cable is `Status.UNFINISHED`: for work without a deadline."""

@@ -84,7 +84,8 @@ def warm_up(tracker: Tracker) -> None:
 
 def rehearse_all() -> None:
     """Get the code that any scene needs; without Pinocchio, that of cables without contact."""
-    for fields in ({}, {"axial_stiffness": 1e3, "shear_stiffness": [1e3, 1e3]}):
+    stretches = {"axial_stiffness": 1e3, "shear_stiffness": [1e3, 1e3], "limits": {"tension": 1.0}}
+    for fields in ({}, stretches):
         (cable,) = _LOOSE["cables"]
         _solve(Tracker(load_scene(_LOOSE | {"cables": [cable | fields]})), {})
     _rehearse_arm("space_arm.yaml", (0.0, 0.5))

@@ -15,7 +15,7 @@ ORDER = (
     ("common", "compilation", "share"),
     ("linalg",),
     ("solve",),
-    ("equilibrium",),
+    ("limits", "equilibrium"),
     ("scene",),
     ("rod",),
     ("contact",),

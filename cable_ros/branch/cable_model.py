@@ -33,6 +33,7 @@ class CableModel:
         self._hint = cable.total_twist
         self._names = obstacle_names
         self._diameter = 2.0 * cable.radius
+        self._density = cable.linear_density
         self._use(properties)
 
     def _use(self, properties: Properties) -> None:

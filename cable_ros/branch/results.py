@@ -8,12 +8,13 @@ from functools import partial
 
 import numpy as np
 
+from cable_ros.branch.modes import modes
 from cable_ros.contact.friction_kernels import FRICTIONLESS
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.report import contact_table, on_grid
 from cable_ros.contact.response import cross_matrix
 from cable_ros.contact.touching_rod import TouchingRod
-from cable_ros.equilibrium import ContactTable, Equilibrium, Status
+from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh, Sampling, integrals, sampling
 from cable_ros.rod.extensible import StretchingRod
@@ -93,41 +94,59 @@ def touching(
     return partial(contact_table, points, normals, curve, coefficients, names, start.copy(), unit)
 
 
-def tangent(
-    rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units, names: Sequence[str], start: np.ndarray
-) -> Callable[[Sequence[str]], np.ndarray]:
-    """What finds `Equilibrium.wrench_response` once it is called; from a copy, since the rod moves on.
+class Tangent:
+    """The linearised equations about an equilibrium; from a copy of the rod, which moves on.
 
-    `names` of the obstacles; `start` (7,) the start clamp in the world, m, quaternion x y z w.
+    Implements `equilibrium.Linearised`. Cheap until it is asked.
     """
-    return partial(_tangent, rod.snapshot(), (rod.qe, rod.re, rod.f), q, F, unit, names, start.copy())
 
+    __slots__ = ("_F", "_conditions", "_density", "_names", "_q", "_snapshot", "_start", "_unit")
 
-def _tangent(
-    snapshot: Callable[[], Rod], conditions: tuple[np.ndarray, np.ndarray, np.ndarray], q: np.ndarray,
-    F: np.ndarray, unit: Units, names: Sequence[str], start: np.ndarray, moving: Sequence[str],
-) -> np.ndarray:  # fmt: skip
-    copy = snapshot()
-    copy.set_conditions(*conditions)
-    scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2 + len(moving))
-    scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2 + len(moving))
-    if not moving:
-        response = copy.clamp_stiffness(q, F)
-    elif (isinstance(copy, TouchingRod) and copy.count) or (isinstance(copy, NodalRod) and copy.touches):
-        response = copy.wrench_response(q, F, [list(names).index(name) for name in moving])
-    else:
-        response = np.zeros((len(scale_wrench), len(scale_wrench)))
-        response[:12, :12] = copy.clamp_stiffness(q, F)
-    response = -response * scale_wrench[:, None] / scale_motion[None, :]
-    if moving:
-        # obstacles: from the start clamp's frame to the world's
-        turn = quaternion.matrix_from_ros(start[3:]).T
-        seen = np.eye(len(response))
-        for at in range(12, len(response), 6):
-            seen[at : at + 3, at : at + 3] = seen[at + 3 : at + 6, at + 3 : at + 6] = turn
-            seen[at : at + 3, at + 3 : at + 6] = -turn @ cross_matrix(start[:3])
-        response = seen.T @ response @ seen
-    return response
+    def __init__(
+        self, rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units, names: Sequence[str], start: np.ndarray,
+        density: float,
+    ) -> None:  # fmt: skip
+        """About the equilibrium of `rod` with the nodal frames q (n, 4) and the end force F (3,).
+
+        `names` of the obstacles; `start` (7,) the start clamp in the world, m, quaternion x y z w; `density`
+        the mass per length, kg/m.
+        """
+        self._snapshot, self._conditions = rod.snapshot(), (rod.qe, rod.re, rod.f)
+        self._q, self._F, self._unit, self._names, self._density = q, F, unit, names, density
+        self._start = start.copy()
+
+    def _rod(self) -> Rod:
+        copy = self._snapshot()
+        copy.set_conditions(*self._conditions)
+        return copy
+
+    def modes(self, count: int, points: int) -> Modes:
+        """See `Equilibrium.modes`."""
+        return modes(self._rod(), self._q, self._F, self._start, self._unit, self._density, count, points)
+
+    def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
+        """See `Equilibrium.wrench_response`."""
+        copy, q, F, unit, start = self._rod(), self._q, self._F, self._unit, self._start
+        moving, names = obstacles, list(self._names)
+        scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2 + len(moving))
+        scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2 + len(moving))
+        if not moving:
+            response = copy.clamp_stiffness(q, F)
+        elif (isinstance(copy, TouchingRod) and copy.count) or (isinstance(copy, NodalRod) and copy.touches):
+            response = copy.wrench_response(q, F, [names.index(name) for name in moving])
+        else:
+            response = np.zeros((len(scale_wrench), len(scale_wrench)))
+            response[:12, :12] = copy.clamp_stiffness(q, F)
+        response = -response * scale_wrench[:, None] / scale_motion[None, :]
+        if moving:
+            # obstacles: from the start clamp's frame to the world's
+            turn = quaternion.matrix_from_ros(start[3:]).T
+            seen = np.eye(len(response))
+            for at in range(12, len(response), 6):
+                seen[at : at + 3, at : at + 3] = seen[at + 3 : at + 6, at + 3 : at + 6] = turn
+                seen[at : at + 3, at + 3 : at + 6] = -turn @ cross_matrix(start[:3])
+            response = seen.T @ response @ seen
+        return response
 
 
 def failed(status: Status, message: str, solve_time: float, polyline_points: int) -> Equilibrium:

@@ -19,7 +19,9 @@ from cable_ros.branch.cold_start import (
     refine,
 )
 from cable_ros.branch.continuation import FREE_TO_TURN, Fall
+from cable_ros.branch.extremes import Obstacles, extremes
 from cable_ros.branch.standing import Loss, Standing, alone, motion
+from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
@@ -28,8 +30,10 @@ from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.effects.choice import Choice
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Overlap, Status
+from cable_ros.limits import Extreme
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.scene import Cable
+from cable_ros.scene.cable_limits import CableLimits
 
 GRID = 0.05
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
@@ -199,7 +203,7 @@ class TrackedEquilibrium(CableModel):
             energy=float(rod.totals[3]) * unit.moment - unit.length * float(self._weight @ start[:3]),
             error_estimate=self._estimate, iterations=iterations,
             solve_time=time.perf_counter() - begin, overlaps=overlaps,
-            _tangent=results.tangent(rod, self._q, self._F, unit, self._names, start),
+            _tangent=results.Tangent(rod, self._q, self._F, unit, self._names, start, self._density),
             _touching=results.touching(rod, friction, self._names, start, unit),
         )  # fmt: skip
 
@@ -236,6 +240,21 @@ class TrackedEquilibrium(CableModel):
         """(OUTLINE, 3) centreline of the present equilibrium, world, m; `start` (7,): its start clamp."""
         assert self._rod is not None
         return self._outline.read(self._rod, self._q, self._F, start, self._units, OUTLINE)[2]
+
+    def extremes(
+        self, limits: CableLimits, obstacles: np.ndarray, links: np.ndarray, start: np.ndarray
+    ) -> Callable[[], tuple[Extreme, ...]]:
+        """What finds `Equilibrium.extremes` of the present equilibrium.
+
+        Args:
+            limits: of the cable.
+            obstacles: (n, WIDTH) all that the scene has, SI, in the frames of their links.
+            links: (n, 7) these links in the world.
+            start: (7,) the start clamp in the world.
+        """
+        assert self._rod is not None
+        beside = Obstacles(placed(obstacles, links, start, self._units.length), self._names)
+        return extremes(self._rod, self._q, self._F, start, self._units, limits, beside)
 
     @property
     def rod(self) -> Rod | None:

@@ -137,6 +137,13 @@ def process_count(text: str) -> int:
     return int(text)
 
 
+def whole_number(text: str) -> int:
+    """A whole number from 1 to 1000."""
+    if not text.isdecimal() or not 1 <= int(text) <= 1000:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 to 1000, such as 6")
+    return int(text)
+
+
 def count(text: str) -> int:
     """A whole number from 0 on."""
     if not text.isdecimal():

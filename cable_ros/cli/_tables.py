@@ -13,6 +13,7 @@ import numpy as np
 
 from cable_ros.batch import Batch
 from cable_ros.cli._arguments import CommandError
+from cable_ros.limits import QUANTITIES
 from cable_ros.scene import Scene
 
 ROW_GROUP = 50_000  # rows; smaller groups make Parquet files large and slow
@@ -82,6 +83,10 @@ def columns(variant: Mapping[str, float], batch: Batch) -> dict[str, np.ndarray]
     out |= {f"load_{name}": np.repeat(load, cables) for name, load in loads}
     for name in ("total_twist", "energy", "stability_margin", "error_estimate", "iterations", "overlapping"):
         out[name] = getattr(batch, name).ravel()
+    if batch.extremes is not None:
+        for i, quantity in enumerate(QUANTITIES):
+            out[quantity.name] = batch.extremes[:, :, i, 0].ravel()
+            out[f"{quantity.name}_at"] = batch.extremes[:, :, i, 1].ravel()
     return out
 
 

@@ -24,8 +24,9 @@ EXAMPLE = """examples:
   cable plot demo/space_arm.mcap --against time
 
 Writes STEM_shapes.png, the cables' shapes and the robot's links in the XOZ, YOZ and XOY planes,
-STEM_end_wrench.png, what the cables exert on their links at the end clamps, and STEM_joint_load.png, what
-they exert on the joints; against the joint that moves most, or else the time, or what --against says."""
+STEM_end_wrench.png, what the cables exert on their links at the end clamps, STEM_joint_load.png, what
+they exert on the joints, and of cables with limits STEM_limits.png, how much of each is in use;
+against the joint that moves most, or else the time, or what --against says."""
 
 TIME = "time"
 LEAST_MOTION = 1e-6  # rad or m; a joint that moves less stands still
@@ -65,7 +66,15 @@ def draw(log: Path, out: Path, against: str | None = None) -> list[Path]:
         LogError: the log cannot be read or has no wrenches.
         CommandError: it has no such joint.
     """
-    from cable_ros.drawing.figures import Abscissa, literal, load_figure, save, shapes_figure, wrench_figure
+    from cable_ros.drawing.figures import (
+        Abscissa,
+        limits_figure,
+        literal,
+        load_figure,
+        save,
+        shapes_figure,
+        wrench_figure,
+    )
     from cable_ros.log.history import read_history
 
     history = read_history(log)
@@ -92,6 +101,9 @@ def draw(log: Path, out: Path, against: str | None = None) -> list[Path]:
     if loads:
         figure = load_figure(abscissa, values, loads, [j for j, kind in kinds.items() if kind == "prismatic"])
         pictures.append(save(figure, out / f"{log.stem}_joint_load.png"))
+    if history.limit_use:
+        uses = {literal(cable): one for cable, one in history.limit_use.items()}
+        pictures.append(save(limits_figure(abscissa, values, uses), out / f"{log.stem}_limits.png"))
     return pictures
 
 

@@ -15,6 +15,7 @@ from cable_ros.cli._arguments import add_command, add_pose, add_tolerance, joint
 
 if TYPE_CHECKING:
     from cable_ros.equilibrium import Contact, Equilibrium
+    from cable_ros.limits import Extreme
 
 EXAMPLE = """example:
   cable solve config/space_arm.yaml --joint orientation=30deg
@@ -85,6 +86,7 @@ def describe(name: str, found: Equilibrium) -> str:
             f"  error estimate    {found.error_estimate:.1e} of the end wrench",
             f"  effort            {found.iterations} iterations, {engineering(found.solve_time, 's')}",
             *_contact_lines(found.contacts),
+            *_extreme_lines(found.extremes),
         ]
     )
 
@@ -134,6 +136,14 @@ def _contact_lines(contacts: Sequence[Contact]) -> Iterator[str]:
         )
         slides = ", sliding" if any(contact.sliding for contact in touching) else ""
         yield f"  contact           {name} at {where}, {engineering(force, 'N')}{slides}"
+
+
+def _extreme_lines(extremes: Sequence[Extreme]) -> Iterator[str]:
+    """One line for each extreme: its value, where it is, and how much of its limit that is."""
+    for extreme in extremes:
+        title = extreme.quantity.words
+        mark = ("", "  NEAR THE LIMIT", "  BEYOND THE LIMIT")[extreme.level]
+        yield f"  {title:<17} {extreme.sentence.removeprefix(title.capitalize()).strip(' .')}{mark}"
 
 
 def _wrench_line(clamp: str, wrench: Any) -> str:

@@ -28,7 +28,7 @@ from cable_ros.contact.nodal_kernels import (
 )
 from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
 from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_response
-from cable_ros.contact.nodal_stability import ITERATIONS, softest
+from cable_ros.contact.nodal_stability import ITERATIONS, condensed, softest
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
 from cable_ros.contact.travel import FRICTION_LEAST, FRICTION_STEP, SHORTER, stride, travel
@@ -623,6 +623,14 @@ class NodalRod(Rod):
         self.refactor(self.state.q, self.state.F[-1])
         at, _, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
         return softest(self._tangents, self._rows, at, contacts, self.waves(), iterations)
+
+    def contact_stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the c contacts: boundaries (c,), obstacles (c,), and stiffness (c, 3, 3) against motion there.
+
+        At the last equilibrium, whose tangent must be set up, see `refactor`.
+        """
+        _, touched, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
+        return *touched, condensed(contacts)
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Relative difference of its end wrench from its twin's, when they last were at one pose."""

@@ -43,12 +43,12 @@ def softest(
         iterations: maximum number; with fewer the eigenvalue is too large, its sign is right with 1.
     """
     places = np.searchsorted(rows.r, at[:, 0])
-    K = _condensed(contacts) if len(at) else np.zeros((0, 3, 3))
+    K = condensed(contacts) if len(at) else np.zeros((0, 3, 3))
     elastic, geometric, parts, _ = tangents
     return float(_softest(elastic, geometric, parts, places, K, start, iterations))
 
 
-def _condensed(contacts: np.ndarray) -> np.ndarray:
+def condensed(contacts: np.ndarray) -> np.ndarray:
     """(c, 3, 3) symmetric stiffness of each contact by its position, its forces eliminated.
 
     That friction of what slips follows the normal force is left out: it makes the tangent unsymmetric, and

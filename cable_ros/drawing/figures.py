@@ -22,6 +22,7 @@ from matplotlib.lines import Line2D
 from cable_ros.common.printable import escaped
 from cable_ros.drawing.robot import RobotPose
 from cable_ros.drawing.silhouettes import silhouette
+from cable_ros.limits import WARNING
 from cable_ros.scene.obstacles import Plane
 from cable_ros.scene.obstacles import Shape as Solid
 
@@ -251,6 +252,40 @@ def load_figure(
         grid[-1].set_xlabel(f"{abscissa.name} ({abscissa.unit})")
         note = "Positive along the joint's axis; what a controller subtracts."
         figure.supxlabel(note, x=0.02, ha="left", fontsize=9, color="#666666")
+    return figure
+
+
+def limits_figure(
+    abscissa: Abscissa, values: np.ndarray, uses: Mapping[str, Mapping[str, np.ndarray]]
+) -> Figure:
+    """How much of each limit is in use, against a joint or the time, axes for each cable.
+
+    Args:
+        abscissa: what the values are.
+        values: (m,) in SI.
+        uses: by cable and quantity: (m,) part of the limit, 1 at the limit; NaN is a gap.
+    """
+    with _style():
+        figure = Figure(figsize=(8.0, 0.9 + 3.0 * len(uses)), layout="constrained")
+        figure.suptitle(
+            "Limits: how much of each is in use", x=0.02, ha="left", fontsize=12, fontweight="bold"
+        )
+        grid = figure.subplots(len(uses), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (cable, quantities) in zip(grid, uses.items(), strict=True):
+            axes.axhline(100.0, color="#c00000", linewidth=1.0)
+            axes.axhline(100.0 * WARNING, color="#e0a000", linewidth=1.0, linestyle="--")
+            for index, (quantity, use) in enumerate(quantities.items()):
+                axes.plot(
+                    values * abscissa.scale, 100.0 * np.where(np.isfinite(use), use, np.nan),
+                    color=COMPONENT_COLOURS[index % len(COMPONENT_COLOURS)], label=literal(quantity),
+                    marker=".", markersize=4, markeredgewidth=0,
+                )  # fmt: skip
+            axes.set_title(cable)
+            axes.set_ylabel("in use (%)")
+            axes.set_ylim(bottom=0.0)
+            axes.margins(x=0.01)
+            axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        grid[-1].set_xlabel(f"{abscissa.name} ({abscissa.unit})")
     return figure
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from cable_ros.log.errors import LogError
 from cable_ros.log.joint_state_cdr import JOINT_STATE
 from cable_ros.log.reader import LogReader
-from cable_ros.log.run import PATH, LoggedRun, Solve
+from cable_ros.log.run import DIAGNOSTICS, PATH, LoggedRun, Solve
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,8 @@ class History:
     """By cable: (k,) which of the solves have a polyline in the log."""
     joint_load: dict[str, np.ndarray] = field(default_factory=dict)
     """By joint: (m,) torque of all cables on it, N m, or N on a prismatic one; NaN where none is logged."""
+    limit_use: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    """By cable and quantity that has a limit: (m,) part of it in use; NaN where none is logged."""
 
 
 def read_history(path: str | Path) -> History:
@@ -45,7 +47,7 @@ def read_history(path: str | Path) -> History:
         run = LoggedRun([reader])
         items = tqdm(run, total=run.count, desc=f"reading {path}", unit="pose", disable=None, leave=False)
         solves = [item for item in items if isinstance(item, Solve)]
-        loads = _loads(reader)
+        loads, uses = _loads(reader), _uses(reader)
     names = tuple(dict.fromkeys(name for solve in solves for name in solve.joints))
     cables = dict.fromkeys(cable for solve in solves for cable, _ in solve.wrenches)
     missing = np.full(6, np.nan)
@@ -64,6 +66,13 @@ def read_history(path: str | Path) -> History:
         joint_load={
             joint: np.array([of_stamp.get(solve.stamp, np.nan) for solve in solves])
             for joint, of_stamp in loads.items()
+        },
+        limit_use={
+            cable: {
+                quantity: np.array([of_stamp.get(solve.stamp, np.nan) for solve in solves])
+                for quantity, of_stamp in quantities.items()
+            }
+            for cable, quantities in uses.items()
         },
     )
 
@@ -84,6 +93,29 @@ def _loads(reader: LogReader) -> dict[str, dict[int, float]]:
         except (AttributeError, TypeError, ValueError) as error:
             raise LogError(
                 f"{reader.path}: a joint load has not the fields of a {JOINT_STATE} ({error})."
+            ) from None
+    return out
+
+
+def _uses(reader: LogReader) -> dict[str, dict[str, dict[int, float]]]:
+    """By cable, quantity and stamp, ns: what part of its limit is in use."""
+    out: dict[str, dict[str, dict[int, float]]] = {}
+    topics = [
+        topic.name
+        for topic in reader.topics.values()
+        if topic.type_name == DIAGNOSTICS and topic.name.endswith("/limits")
+    ]
+    for _, message in reader.decoded(topics) if topics else ():
+        try:
+            stamp = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+            for status in message.status:
+                cable, _, quantity = str(status.name).partition(": ")
+                values = {str(value.key): str(value.value) for value in status.values}
+                if not any(key.startswith("limit") and value == "none" for key, value in values.items()):
+                    out.setdefault(cable, {}).setdefault(quantity, {})[stamp] = float(values["use"])
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise LogError(
+                f"{reader.path}: a message of limits has not the entries of one ({error})."
             ) from None
     return out
 

@@ -17,6 +17,7 @@ from cable_ros.log.reader import LoggedMessage, LoggedTopic, LogReader
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 PATH = "nav_msgs/msg/Path"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 CLAMPS = ("end", "start")
 _TOPIC = re.compile(r"(?:\w*/)+\w+", re.ASCII)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes messages to MCAP files from a thread of its own, so that the caller never waits for a disk."""
+"""Writes messages to MCAP files, mostly from a thread of its own: the caller then never waits for a disk."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from cable_ros.log.definitions import message_definition
@@ -34,6 +34,8 @@ class LogWriter:
     (before compression) or age: what a killed process loses at most.
     `sync_seconds`: how often the disk itself is made to take it: what a power cut loses at most. Five
     seconds is ext4's own commit interval; more often costs an SD card wear and gains little.
+    `background`: whether a thread does the writing. Without one the caller does it whenever a chunk is full:
+    for programs that fork, which a thread would forbid. Ages do not count then, and nothing is split.
 
     Messages are packed where they are offered, which costs a microsecond or two each; the thread gets whole
     chunks, and what it does with one mostly leaves the interpreter to others. `write` is meant to be called
@@ -54,6 +56,7 @@ class LogWriter:
         chunk_bytes: int = 256 << 10,
         chunk_seconds: float = 0.5,
         sync_seconds: float = 5.0,
+        background: bool = True,
     ) -> None:
         self._base = Path(path)
         if self._base.suffix != ".mcap":
@@ -87,8 +90,11 @@ class LogWriter:
         self._stop = threading.Event()
         self._discarded = False
         self._part = Part(self._base, self._contents, chunk_bytes)
-        self._thread = threading.Thread(target=self._run, name="log_writer", daemon=True)
-        self._thread.start()
+        self._thread: threading.Thread | None = None
+        self._open = True
+        if background:
+            self._thread = threading.Thread(target=self._run, name="log_writer", daemon=True)
+            self._thread.start()
 
     @property
     def path(self) -> Path:
@@ -99,6 +105,11 @@ class LogWriter:
     def queued_bytes(self) -> int:
         """Bytes that wait for the disk, at most `queue_bytes`."""
         return self._bytes_in - self._bytes_out
+
+    @property
+    def _writes(self) -> bool:
+        """Whether what is offered gets into the file."""
+        return self._open if self._thread is None else self._thread.is_alive()
 
     def add_topic(self, topic: str, type_name: str, offered_qos: str = "", exact: bool = False) -> Topic:
         """Announce a topic ahead of its first message; needed only to give its QoS (`qos_to_yaml`).
@@ -135,7 +146,7 @@ class LogWriter:
         sequence = entry.sequence
         entry.sequence = (sequence + 1) & 0xFFFFFFFF  # MCAP has four bytes for it
         size = len(cdr) + _OVERHEAD_BYTES
-        if not self._thread.is_alive() or self._bytes_in - self._bytes_out + size > self._queue_bytes:
+        if not self._writes or self._bytes_in - self._bytes_out + size > self._queue_bytes:
             self.dropped += 1
             return False
         if entry.trim:
@@ -152,9 +163,12 @@ class LogWriter:
                 self.dropped += 1
                 return False
             self._bytes_in += size
-            if chunk.size > self._chunk_bytes:
+            full = chunk.size > self._chunk_bytes
+            if full:
                 self._queue.append(chunk)
                 self._chunk = Chunk()
+        if full and self._thread is None:
+            self._guarded(self._drain)
         return True
 
     def put(self, topic: str, type_name: str, cdr: bytes, log_time_ns: int) -> None:
@@ -162,7 +176,7 @@ class LogWriter:
 
         Raises: LogError where the log has stopped.
         """
-        while self._thread.is_alive() and self.queued_bytes > self._queue_bytes // 2:
+        while self._thread is not None and self._writes and self.queued_bytes > self._queue_bytes // 2:
             time.sleep(0.005)
         if not self.write(topic, type_name, cdr, log_time_ns):
             raise LogError(self.error or f"Cannot write {self.path}: the log is closed.")
@@ -170,6 +184,9 @@ class LogWriter:
     def close(self) -> None:
         """Write what is queued, finish the file, stop the thread. What failed is then in `error`."""
         self._stop.set()
+        if self._thread is None:
+            self._finish_here()
+            return
         self._thread.join(_CLOSE_SECONDS)
         if self._thread.is_alive() and self.error is None:
             self.error = (
@@ -181,7 +198,10 @@ class LogWriter:
         """Stop, and remove the unfinished file; of a split log, those finished before stay."""
         self._discarded = True
         self._stop.set()
-        self._thread.join(_CLOSE_SECONDS)
+        if self._thread is None:
+            self._finish_here()
+        else:
+            self._thread.join(_CLOSE_SECONDS)
 
     def __enter__(self) -> LogWriter:
         return self
@@ -190,8 +210,21 @@ class LogWriter:
         self.close()
 
     def _run(self) -> None:
+        self._guarded(self._write_until_stopped)
+        self._drop_rest()
+
+    def _finish_here(self) -> None:
+        """What the thread would do last, once."""
+        if self._open:
+            self._guarded(self._write_until_stopped)
+            self._drop_rest()
+        self._open = False
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Do some of the writing; what fails ends the log, and is told by `error`."""
         try:
-            self._write_until_stopped()
+            work()
+            return
         except LogError as error:
             self.error = str(error)
         except OSError as error:
@@ -202,10 +235,14 @@ class LogWriter:
         except Exception as error:  # must not end the log unseen
             self.error = f"Log {self.path} stopped: {type(error).__name__}: {error}."
             self._part.file.abandon()
-        finally:
-            self._take_open_chunk()
-            self.dropped += sum(chunk.count for chunk in self._queue)
-            self._queue.clear()
+        self._open = False
+        self._drop_rest()
+
+    def _drop_rest(self) -> None:
+        """Count what waits as dropped."""
+        self._take_open_chunk()
+        self.dropped += sum(chunk.count for chunk in self._queue)
+        self._queue.clear()
 
     def _write_until_stopped(self) -> None:
         opened = flushed = synced = time.monotonic()

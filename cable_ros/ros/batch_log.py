@@ -8,10 +8,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cable_ros.batch import Batch
+from cable_ros.limits import QUANTITIES, Extreme
 from cable_ros.ros.solve_log import SolveLog
 from cable_ros.scene import Scene
 
+NOWHERE = np.full(3, np.nan)
 PERIOD = 10_000_000  # ns between the stamps of two poses
 
 
@@ -24,6 +28,7 @@ class BatchLog:
 
     def __init__(self, path: Path, scene: Scene) -> None:
         self._log = SolveLog(path, scene)
+        self._cables = scene.cables
         self._time = time.time_ns()
 
     def write(self, variant: Mapping[str, float], batch: Batch) -> None:
@@ -36,11 +41,22 @@ class BatchLog:
             for j, cable in enumerate(batch.cables):
                 if trusted[i, j]:
                     self._log.wrenches(cable, batch.end_wrench[i, j], batch.start_wrench[i, j], *times)
+                    self._log.limits(cable, self._extremes(batch, i, j), *times)
             if batch.joint_names and trusted[i].all():
                 self._log.joint_load(batch.joint_names, batch.joints[i], batch.joint_load[i], *times)
             for j, cable in enumerate(batch.cables):
                 if trusted[i, j]:
                     self._log.polyline(cable, batch.points[i, j], batch.orientations[i, j], *times)
+
+    def _extremes(self, batch: Batch, pose: int, cable: int) -> list[Extreme]:
+        """Of one cable at one pose; a batch does not hold where in the world, nor to which obstacle."""
+        limits = self._cables[cable].limits
+        if batch.extremes is None or limits is None:
+            return []
+        return [
+            Extreme(quantity, value, place, NOWHERE, getattr(limits, quantity.name))
+            for quantity, (value, place) in zip(QUANTITIES, batch.extremes[pose, cable].tolist(), strict=True)
+        ]
 
     def __enter__(self) -> BatchLog:
         return self

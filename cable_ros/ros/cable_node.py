@@ -162,6 +162,7 @@ class CableNode(Node):
         if old is not None:
             live.states.carry_on(old.states)
         live.joint_limits = self._value("joint_limits")
+        live.check_motion = self._value("check_motion")
         # What was made so far lives as long as the scene: the collector need not look at it again.
         gc.unfreeze()
         gc.collect()
@@ -247,7 +248,7 @@ class CableNode(Node):
         self._out.send(self._solved_joints, live.solved_joints(stamp))
         live.send_loads(self._out.send, stamp, self._joint_load, self._joint_stiffness)
         self._out.send(self._status, live.status(stamp))
-        live.note()
+        live.note(stamp)
         if self._is_time_for("polylines", self._value("polyline_rate")):
             live.send_polylines(self._out.send, stamp)
         if self._markers.wanted() and self._is_time_for("markers", self._value("marker_rate")):
@@ -347,6 +348,8 @@ class CableNode(Node):
                 limits = parameter.name == "joint_limits"
                 setattr(self._live if limits else self._live.tracker, parameter.name, parameter.value)
                 self._out.event(events.SET, **{parameter.name: parameter.value})
+            elif parameter.name == "check_motion" and self._live:
+                self._live.check_motion = parameter.value
             elif parameter.name == "log.enabled":
                 if not parameter.value:
                     self._log_is_due = False

@@ -6,13 +6,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TransformStamped, WrenchStamped
 from nav_msgs.msg import Path
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.limits import OK
 from cable_ros.ros.frame_names import Frames
+from cable_ros.ros.limits_message import LEVELS, LimitsMessage
 from cable_ros.ros.messages import PathMessage, WrenchMessage, clamp_transform, diagnostic
 from cable_ros.ros.recorder import Outlet
 from cable_ros.scene.model import Cable
@@ -38,10 +40,17 @@ def level(equilibrium: Equilibrium) -> bytes:
     return max(found, DiagnosticStatus.WARN) if equilibrium.overlaps else found
 
 
-class CableOutputs:
-    """Topics and messages of one cable: both wrenches, polyline, diagnostics."""
+def worst_use(equilibrium: Equilibrium) -> int:
+    """The worst level of its extremes, see `limits.Extreme.level`."""
+    return max((extreme.level for extreme in equilibrium.extremes), default=OK)
 
-    def __init__(self, node: Node, cable: Cable, frames: Frames, polyline_points: int) -> None:
+
+class CableOutputs:
+    """Topics and messages of one cable: both wrenches, polyline, limits, diagnostics."""
+
+    def __init__(
+        self, node: Node, cable: Cable, frames: Frames, polyline_points: int, hardware_id: str = ""
+    ) -> None:
         self.cable = cable
         self._frames = frames
         base = f"~/{cable.name}"
@@ -49,6 +58,10 @@ class CableOutputs:
         self.end_wrench = Outlet.create(node, WrenchStamped, f"{base}/end_wrench", STREAM)
         self.start_wrench = Outlet.create(node, WrenchStamped, f"{base}/start_wrench", STREAM)
         self.polyline = Outlet.create(node, Path, f"{base}/polyline", LATCHED)
+        self.limits: Outlet | None = None
+        if cable.limits is not None:
+            self.limits = Outlet.create(node, DiagnosticArray, f"{base}/limits", STREAM)
+        self._limits_message = LimitsMessage(cable.name, hardware_id)
         self._end_message = WrenchMessage(self.end_frame)
         self._start_message = WrenchMessage(self.start_frame)
         self._path_message = PathMessage(frames.world, polyline_points)
@@ -59,17 +72,20 @@ class CableOutputs:
     @property
     def outlets(self) -> tuple[Outlet, ...]:
         """All topics of this cable."""
-        return self.end_wrench, self.start_wrench, self.polyline
+        always = self.end_wrench, self.start_wrench, self.polyline
+        return always if self.limits is None else (*always, self.limits)
 
     def note(self, equilibrium: Equilibrium) -> None:
         """Remember a result for the diagnostics; the worst one is told, later ones otherwise."""
-        if self.worst is None or level(equilibrium) >= level(self.worst):
+        if self.worst is None or _severity(equilibrium) >= _severity(self.worst):
             self.worst = equilibrium
 
     def wrenches(self, stamp: int, equilibrium: Equilibrium) -> Iterator[tuple[Outlet, bytes]]:
-        """The messages of both wrenches, one by one: the first can go out before the second is made."""
+        """The messages of both wrenches and of limits: the first can go out before the next is made."""
         yield self.end_wrench, self._end_message.fill(stamp, equilibrium.end_wrench)
         yield self.start_wrench, self._start_message.fill(stamp, equilibrium.start_wrench)
+        if self.limits is not None:
+            yield self.limits, self._limits_message.fill(stamp, equilibrium.extremes)
 
     def path(self, stamp: int, equilibrium: Equilibrium) -> tuple[Outlet, bytes]:
         """The message of the polyline."""
@@ -84,9 +100,12 @@ class CableOutputs:
             for frame, mount in ((self.start_frame, self.cable.start), (self.end_frame, self.cable.end))
         ]
 
-    def status(self, prefix: str, hardware_id: str, also: Mapping[str, object]) -> DiagnosticStatus:
+    def status(
+        self, prefix: str, hardware_id: str, also: Mapping[str, object], warning: str = ""
+    ) -> DiagnosticStatus:
         """The diagnostics entry, about the worst result since the last one, with further values `also`.
 
+        `warning`: a sentence that makes it a WARN at least; may be empty.
         A cable that nobody asks about is as well as it was.
         """
         name = f"{prefix}: {self.cable.name}"
@@ -98,6 +117,9 @@ class CableOutputs:
             f"{one.other} at {one.distance:.6g} m, {one.contact_distance:.6g} m to touch"
             for one in equilibrium.overlaps
         ]
+        sentences = [equilibrium.message, *(one.sentence for one in equilibrium.extremes if one.level > OK)]
+        sentences += [warning] if warning else []
+        severity = max(_severity(equilibrium), DiagnosticStatus.WARN if warning else DiagnosticStatus.OK)
         values = {
             "status": equilibrium.status.name,
             "solve time [us]": equilibrium.solve_time * 1e6,
@@ -107,12 +129,27 @@ class CableOutputs:
             "total twist [rad]": equilibrium.total_twist,
             "energy [J]": equilibrium.energy,
             **({"overlaps": "; ".join(overlaps)} if overlaps else {}),
+            **_extremes(equilibrium),
             **also,
         }
-        return diagnostic(name, level(equilibrium), f"{equilibrium.message}{since}", values, hardware_id)
+        return diagnostic(name, severity, f"{' '.join(sentences)}{since}", values, hardware_id)
 
     def destroy(self, node: Node) -> None:
         """Withdraw the topics."""
         for outlet in self.outlets:
             if outlet.publisher is not None:
                 node.destroy_publisher(outlet.publisher)
+
+
+def _severity(equilibrium: Equilibrium) -> bytes:
+    """The worse of the levels of the result and of its extremes."""
+    return max(level(equilibrium), LEVELS[worst_use(equilibrium)])
+
+
+def _extremes(equilibrium: Equilibrium) -> dict[str, object]:
+    """Value and place of each extreme, by a name with its unit."""
+    out: dict[str, object] = {}
+    for one in equilibrium.extremes:
+        out[f"{one.quantity.words} [{one.quantity.unit}]"] = one.value
+        out[f"{one.quantity.words} at [m]"] = one.arc_length
+    return out

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.joint import joint_load, joint_torque
-from cable_ros.ros.cable_outputs import CableOutputs
+from cable_ros.ros.cable_outputs import CableOutputs, worst_use
 from cable_ros.ros.environment import Environment
 from cable_ros.ros.frame_names import Frames
 from cable_ros.ros.joint_motion import JointMotion
@@ -18,6 +19,7 @@ from cable_ros.ros.joint_states import JointStates
 from cable_ros.ros.markers import CableMarkers
 from cable_ros.ros.messages import JointLoadMessage, JointStiffnessMessage, SolvedJointsMessage
 from cable_ros.ros.obstacle_markers import ObstacleMarkers
+from cable_ros.ros.quasi_static import QuasiStatic
 from cable_ros.ros.recorder import Outlet
 from cable_ros.ros.status_message import StatusMessage
 from cable_ros.scene.joint_limits import IGNORE
@@ -60,7 +62,8 @@ class LiveScene:
         self.states = JointStates(tracker.joint_names, topic)
         self.environment = Environment(node, scene, tracker, note)
         self.cables = {
-            cable.name: CableOutputs(node, cable, frames, tracker.polyline_points) for cable in scene.cables
+            cable.name: CableOutputs(node, cable, frames, tracker.polyline_points, hardware_id)
+            for cable in scene.cables
         }
         self._solved = SolvedJointsMessage(tracker.joint_names)
         self._load = JointLoadMessage(tracker.joint_names) if tracker.joint_names else None
@@ -69,10 +72,11 @@ class LiveScene:
         self._markers: dict[str, CableMarkers] = {}
         self._obstacles = ObstacleMarkers(scene, frames.world) if scene.obstacles else None
         self.equilibria: dict[str, Equilibrium] = {}
+        self._quasi_static: QuasiStatic | None = None
         self.fresh = True
         """Whether the tracker has solved nothing since it was made or reset."""
-        self.statuses: tuple[tuple[Status, bool], ...] = ()
-        """Of each cable: its status, and whether it overlaps another or itself."""
+        self.statuses: tuple[tuple[Status, bool, int], ...] = ()
+        """Of each cable: status, whether it overlaps another or itself, and how it stands to its limits."""
         self._prepare_markers()
 
     @property
@@ -85,15 +89,29 @@ class LiveScene:
         self.tracker.joint_limits = value
         self.states.motion = None if value == IGNORE else JointMotion(self.tracker.limits.joints)
 
+    @property
+    def check_motion(self) -> bool:
+        """Whether the joints' motion is compared with the cables' natural frequencies."""
+        return self._quasi_static is not None
+
+    @check_motion.setter
+    def check_motion(self, value: bool) -> None:
+        lengths = {cable.name: cable.length for cable in self.scene.cables}
+        self._quasi_static = QuasiStatic(lengths) if value else None
+
     def solve(self) -> None:
         """Solve at the last known joint positions."""
         self.equilibria = self.tracker.solve(self.states.joints())
         self.states.counters.solved += 1
         self.fresh = False
 
-    def note(self) -> None:
-        """Remember how it went, for the diagnostics."""
-        self.statuses = tuple((one.status, bool(one.overlaps)) for one in self.equilibria.values())
+    def note(self, stamp: int) -> None:
+        """Remember how it went, for the diagnostics; `stamp` of the joint state, ns."""
+        if self._quasi_static is not None:
+            self._quasi_static.take(stamp, self.equilibria)
+        self.statuses = tuple(
+            (one.status, bool(one.overlaps), worst_use(one)) for one in self.equilibria.values()
+        )
         for name, equilibrium in self.equilibria.items():
             self.cables[name].note(equilibrium)
 
@@ -148,6 +166,8 @@ class LiveScene:
             send(outlet, markers.fill(stamp, equilibrium, force_scale) if trusted else markers.remove())
             if trusted and (contacts := markers.contacts(stamp, equilibrium, force_scale)):
                 send(outlet, contacts)
+            if trusted and (limits := markers.limits(stamp, equilibrium)):
+                send(outlet, limits)
 
     def _prepare_markers(self) -> None:
         count = self.tracker.polyline_points
@@ -159,12 +179,19 @@ class LiveScene:
     def entries(self, prefix: str) -> list[DiagnosticStatus]:
         """The diagnostics of every cable."""
         left_out = self.tracker.left_out
+        swings = self._quasi_static.report(time.monotonic(), self.equilibria) if self._quasi_static else {}
         out = []
         for name, cable in self.cables.items():
             also: dict[str, object] = dict(self.environment.of(name))
             if effects := left_out.get(name):
                 also["effects left out"] = ", ".join(effects)
-            out.append(cable.status(prefix, self.hardware_id, also))
+            warning = ""
+            if swing := swings.get(name):
+                also |= {"lowest natural frequency [Hz]": swing.frequency, "swing [m]": swing.amplitude}
+                warning = swing.warning
+            out.append(cable.status(prefix, self.hardware_id, also, warning))
+        if self._quasi_static is not None:
+            self._quasi_static.told()
         return out
 
     def attachments(self, parameters: str) -> Mapping[str, str]:

@@ -9,6 +9,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cable_ros.equilibrium import Equilibrium
+from cable_ros.limits import BEYOND, OK
 from cable_ros.rod.quaternion import matrices_from_ros
 from cable_ros.ros.cdr_template import Template, serialise
 from cable_ros.ros.messages import set_stamp
@@ -19,6 +20,7 @@ SIDES = 8
 _DEFAULT_RADIUS_RATIO = 0.01  # of the length, where the scene gives no diameter
 # Colours from no bending moment to the largest: dark blue, teal, yellow (viridis at three places).
 _COLOURS = np.array([[0.27, 0.00, 0.33], [0.13, 0.57, 0.55], [0.99, 0.91, 0.14]])
+_NEAR, _BEYOND = ColorRGBA(r=1.0, g=0.8, b=0.0, a=1.0), ColorRGBA(r=0.9, g=0.0, b=0.0, a=1.0)
 
 
 def bending_moments(cable: Cable, quaternions: np.ndarray) -> np.ndarray:
@@ -56,7 +58,9 @@ def colours(values: np.ndarray) -> np.ndarray:
 
 
 class CableMarkers:
-    """`visualization_msgs/MarkerArray` of one cable: tube, end forces as arrows, contact forces as lines."""
+    """`visualization_msgs/MarkerArray` of one cable: tube, end forces as arrows, contact forces as lines,
+    balls where a limit is near or exceeded.
+    """
 
     def __init__(self, cable: Cable, world_frame: str, count: int) -> None:
         self.count = count
@@ -78,8 +82,12 @@ class CableMarkers:
         self._lines = lines = self._marker(world_frame, f"{cable.name}/contact_forces", Marker.LINE_LIST)
         lines.scale.x = 0.5 * self._radius
         lines.color = ColorRGBA(r=0.1, g=0.5, b=0.9, a=1.0)
+        self._limited = False
+        self._balls = balls = self._marker(world_frame, f"{cable.name}/limits", Marker.SPHERE_LIST)
+        balls.scale.x = balls.scale.y = balls.scale.z = 3 * self._radius
+        shown = [tube, *arrows, lines, *([balls] if cable.limits is not None else [])]
         self._removal = MarkerArray(
-            markers=[Marker(header=m.header, ns=m.ns, action=Marker.DELETE) for m in (tube, *arrows, lines)]
+            markers=[Marker(header=m.header, ns=m.ns, action=Marker.DELETE) for m in shown]
         )
         self._template = Template(MarkerArray(markers=[tube, *arrows]))
         view = self._template.view
@@ -133,7 +141,20 @@ class CableMarkers:
         lines.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in ends]
         return serialise(MarkerArray(markers=[lines]))
 
+    def limits(self, stamp: int, equilibrium: Equilibrium) -> bytes | None:
+        """Bytes with a ball where a limit is near (yellow) or exceeded (red); None: nothing to change."""
+        found = [one for one in equilibrium.extremes if one.level > OK]
+        if not found and not self._limited:
+            return None
+        self._limited = bool(found)
+        balls = self._balls
+        balls.header.stamp.sec, balls.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+        balls.action = Marker.ADD if found else Marker.DELETE
+        balls.points = [Point(x=x, y=y, z=z) for x, y, z in (one.position.tolist() for one in found)]
+        balls.colors = [_BEYOND if one.level == BEYOND else _NEAR for one in found]
+        return serialise(MarkerArray(markers=[balls]))
+
     def remove(self) -> bytes:
         """Bytes that take the cable out of the view: there is no shape of it that could be trusted."""
-        self._touched = False
+        self._touched = self._limited = False
         return serialise(self._removal)

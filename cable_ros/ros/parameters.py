@@ -70,6 +70,13 @@ DECLARATIONS = (
         live=True,
     ),
     Declaration(
+        "check_motion",
+        False,
+        "Compare the joints' motion with each cable's lowest natural frequency, and warn in the diagnostics "
+        "where a cable would swing by more than 1 % of its length.",
+        live=True,
+    ),
+    Declaration(
         "world_frame",
         "",
         "Frame of scene positions without a link; empty: the robot's root link, or 'world'.",

@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from cable_ros.limits import Extreme
 from cable_ros.log.errors import LogError
 from cable_ros.log.events import encode_solved_joints
 from cable_ros.log.host import host_facts
 from cable_ros.log.joint_state_cdr import JOINT_STATE
 from cable_ros.log.reader import SCENE, URDF
-from cable_ros.log.run import CLAMPS, PATH, WRENCH
+from cable_ros.log.run import CLAMPS, DIAGNOSTICS, PATH, WRENCH
 from cable_ros.log.writer import LogWriter
 from cable_ros.ros.frame_names import root_frame
+from cable_ros.ros.limits_message import LimitsMessage
 from cable_ros.ros.messages import JointLoadMessage, PathMessage, WrenchMessage
 from cable_ros.scene import Scene
 
@@ -49,13 +51,17 @@ class SolveLog:
             attachments=texts | dict(attachments or {}),
             metadata={"host": host_facts()} | dict(metadata or {}),
             max_bytes=0,
+            background=False,
         )
+        for topic in ("/joint_states", f"{NODE}/joint_load"):
+            self._writer.add_topic(topic, JOINT_STATE, exact=True)
         self._frame = root_frame(scene.robot)
         self._wrenches = {
             (cable.name, clamp): WrenchMessage(f"{cable.name}_{clamp}")
             for cable in scene.cables
             for clamp in CLAMPS
         }
+        self._limits: dict[str, LimitsMessage] = {}
         self._path: PathMessage | None = None
         self._load: JointLoadMessage | None = None
 
@@ -69,6 +75,12 @@ class SolveLog:
         for clamp, wrench in (("end", end), ("start", start)):
             message = self._wrenches[cable, clamp].fill(stamp, wrench)
             self._writer.put(f"{NODE}/{cable}/{clamp}_wrench", WRENCH, message, log_time)
+
+    def limits(self, cable: str, extremes: Sequence[Extreme], stamp: int, log_time: int) -> None:
+        """How a cable that has limits stands to them; nothing of one that has none."""
+        if extremes:
+            message = self._limits.setdefault(cable, LimitsMessage(cable, NODE)).fill(stamp, extremes)
+            self._writer.put(f"{NODE}/{cable}/limits", DIAGNOSTICS, message, log_time)
 
     def joint_load(
         self, names: Sequence[str], positions: Any, torques: np.ndarray, stamp: int, log_time: int

@@ -41,6 +41,7 @@ class WhatIfLog:
         for name, found in equilibria.items():
             if found.status.trusted:
                 self._log.wrenches(name, found.end_wrench, found.start_wrench, *times)
+                self._log.limits(name, found.extremes, *times)
         names = self._tracker.joint_names
         if names and all(found.status.trusted for found in equilibria.values()):
             torques = joint_torque(self._tracker, equilibria, solve.joints)

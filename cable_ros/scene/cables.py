@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_ros.scene.cable_limits import CABLE_LIMITS, read_limits
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.fields import MILLIMETRES, Field, Size, vector
 from cable_ros.scene.influences import CELSIUS, DOSE, GRAY, TEMPERATURE, read_influence, row
@@ -131,6 +132,11 @@ CABLE = (
         extent="not with obstacles",
     ),
     Field(
+        "limits", "mapping", "some of {bend_radius: m, tension: N, torsion: rad/m, clearance: m}",
+        "What the cable stands: told from 80 % on, an error beyond.", "{bend_radius: 0.04, tension: 20}",
+        default=None, absent="none", inner=CABLE_LIMITS,
+    ),
+    Field(
         "start", "mapping", _MOUNT_REMEDY,
         "Clamp at the start; the z axis of its frame is the cable's tangent, pointing from start to end.",
         "{position: [0, 0, 0], rpy: [1.570796, 0, 0]}", inner=MOUNT,
@@ -184,13 +190,15 @@ def read_cable(values: Any, source: str, place: str, links: tuple[str, ...] | No
                 f"{MILLIMETRES}; give metres",
                 "end.position",
             )
+    outer = _outer_diameter(section, length, diameter)
     return Cable(
         name, length, stiffness, density, start, end, diameter, twist,
-        outer_diameter=_outer_diameter(section, length, diameter),
+        outer_diameter=outer,
         natural_strain=_natural_strain(section, length),
         temperature=read_influence(section, "temperature", CELSIUS),
         dose=read_influence(section, "dose", GRAY),
         axial_stiffness=axial, shear_stiffness=shear,
+        limits=read_limits(section, 0.5 * (outer or diameter or 0.0)),
     )  # fmt: skip
 
 

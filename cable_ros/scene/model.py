@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cable_ros.scene.cable_limits import CableLimits
 from cable_ros.scene.influences import Influence
 from cable_ros.scene.obstacles import Obstacle
 
@@ -60,6 +61,8 @@ class Cable:
     """EA, N; None: inextensible."""
     shear_stiffness: np.ndarray | None = None
     """(2,) GA along the section's x and y axes, N; None: sections stay across the tangent."""
+    limits: CableLimits | None = None
+    """What it stands; None: nothing is watched."""
 
     @property
     def radius(self) -> float:

@@ -161,3 +161,28 @@ def test_variations_are_no_log(tmp_path, capsys):
     options = ["--joint", "orientation=0", "--vary", "length=0.38,0.4", "--out", str(tmp_path / "arm.mcap")]
     assert main(["sweep", str(ARM), *options]) == 2
     assert "a log holds one scene" in capsys.readouterr().err
+
+
+def test_limits_are_logged_and_drawn(tmp_path, capsys):
+    scene = tmp_path / "limited.yaml"
+    text = ARM.read_text().replace("space_arm.urdf", str(ARM.parent / "space_arm.urdf"))
+    scene.write_text(f"{text}\n    limits: {{bend_radius: 0.04, tension: 0.3}}\n")
+    out = tmp_path / "limited.mcap"
+    assert main(["sweep", str(scene), "--joint", "orientation=-90:90:30deg", "--out", str(out)]) == 0
+    history = read_history(out)
+    batch = solve_many(load_scene(scene), history.joints, polyline_points=101)
+    uses = history.limit_use["camera_cable"]
+    assert list(uses) == ["bend radius", "tension"]
+    # Six digits are logged.
+    np.testing.assert_allclose(uses["bend radius"], 0.04 / batch.extremes[:, 0, 0, 0], rtol=1e-5)
+    np.testing.assert_allclose(uses["tension"], batch.extremes[:, 0, 1, 0] / 0.3, rtol=1e-5)
+    capsys.readouterr()
+    assert main(["plot", str(out)]) == 0
+    assert str(tmp_path / "limited_limits.png") in capsys.readouterr().out.splitlines()
+    assert (tmp_path / "limited_limits.png").stat().st_size > 10_000
+
+
+def test_a_log_without_limits_draws_none(log, tmp_path, capsys):
+    assert read_history(log).limit_use == {}
+    assert main(["plot", str(log), "--out", str(tmp_path)]) == 0
+    assert "arm_limits.png" not in capsys.readouterr().out

@@ -183,3 +183,22 @@ def test_an_interrupted_sweep_leaves_no_file(tmp_path, monkeypatch, capsys, suff
     assert main(["sweep", ARM, "--joint", "orientation=0:1:0.5", "--out", str(out)]) == 130
     assert list(tmp_path.iterdir()) == []
     assert "interrupted" in capsys.readouterr().err
+
+
+def test_limits_are_columns_of_the_scenes_that_have_them(tmp_path, fixed):
+    scene = tmp_path / "limited.yaml"
+    scene.write_text(STRIPS.format(name="strip") + "    limits: {bend_radius: 0.05}\n")
+    tables = []
+    for path in (fixed, str(scene)):
+        out = tmp_path / f"{len(tables)}.csv"
+        assert main(["sweep", path, "--vary", "linear_density=0.1,0.2", "--out", str(out)]) == 0
+        tables.append(_rows(out))
+    columns = [name for name in tables[1][0] if name not in tables[0][0]]
+    quantities = ("bend_radius", "tension", "torsion", "clearance")
+    assert columns == [name for quantity in quantities for name in (quantity, f"{quantity}_at")]
+    found = Tracker(load_scene(scene)).solve({})["strip"].extremes
+    # Each is within the default tolerance of 1e-4 of the truth.
+    assert float(tables[1][0]["bend_radius"]) == pytest.approx(found[0].value, rel=1e-3)
+    assert 0.0 <= float(tables[1][0]["bend_radius_at"]) <= 0.4
+    for one, other in zip(*tables, strict=True):
+        assert {name: other[name] for name in one} == one

@@ -14,6 +14,8 @@ from elsewhere import dies, sleeps, whose
 
 from cable_ros.common import processes
 from cable_ros.common.processes import Processes, WorkersDiedError
+from cable_ros.scene import load_scene
+from cable_ros.share import share_file
 
 STARTS = ["fork", "spawn"]
 
@@ -101,3 +103,12 @@ def test_beside_other_threads_nothing_is_forked():
     assert processes._start_method() == "spawn"
     done.set()
     other.join()
+
+
+def test_a_log_of_a_sweep_does_not_forbid_a_fork(tmp_path):
+    """The thread of a node's log would: each process would then import and load all by itself."""
+    batch_log = pytest.importorskip("cable_ros.ros.batch_log")
+    scene = load_scene(share_file("config", "space_arm.yaml"))
+    before = processes._start_method()
+    with batch_log.BatchLog(tmp_path / "sweep.mcap", scene):
+        assert processes._start_method() == before

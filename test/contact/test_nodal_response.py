@@ -8,7 +8,7 @@ import pytest
 from nodal_scenes import advance, go, ground, matrix, pressed, raised, rotation, start
 
 from cable_ros.branch.cold_start import Conditions
-from cable_ros.branch.results import tangent
+from cable_ros.branch.results import Tangent
 from cable_ros.contact.nodal_kernels import FRICTION
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.response import cross_matrix
@@ -132,7 +132,7 @@ def test_a_tracker_gives_it_in_the_world() -> None:
     rod = pressed("sphere", 0.4)
     unit = Units(2.0, 0.5)
     begin = np.array([0.3, -0.2, 0.1, *quaternion.to_ros(rotation([0.3, 0.5, -0.4]))])
-    response = tangent(rod, rod.shape, rod.end_force, unit, ["ball"], begin)
+    response = Tangent(rod, rod.shape, rod.end_force, unit, ["ball"], begin, 1.0).wrench_response
     expected, held = rod.wrench_response(rod.shape, rod.end_force, [0]), rod.held()
     go(rod, Conditions(rod.qe, rod.re, rod.f, raised(rod._under, 0.01)))  # the rod moves on
     clamps, both = response([]), response(["ball"])

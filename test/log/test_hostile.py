@@ -216,6 +216,8 @@ SCHEMAS = {
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_damaged_schemas(tmp_path, name):
     path = indexed(tmp_path / "run.mcap", [(START, joint_state(0.1))] * 2, schema=SCHEMAS[name])
+    if name not in ("too long", "other fields"):
+        pytest.importorskip("mcap_ros2", reason="without mcap-ros2-support nobody reads the schema")
     with LogReader(path) as log:
         if name != "other fields":
             sentence = told(lambda: list(log.decoded()))
@@ -343,7 +345,11 @@ def test_wrenches_and_joints_without_numbers(tmp_path):
             )
             writer.add_message(channel, START, encode_event("x"), START)
         writer.finish()
-    assert "has not the fields of a sensor_msgs/msg/JointState" in told(lambda: read_history(path))
+    sentence = told(lambda: read_history(path))
+    # Decoded by the log's schema, or, without mcap-ros2-support, by the type that has that name.
+    assert any(
+        f"{how} a sensor_msgs/msg/JointState" in sentence for how in ("has not the fields of", "is not")
+    )
 
 
 def test_names_of_joints_are_drawn_as_they_are(tmp_path, capsys):

@@ -219,3 +219,39 @@ def test_a_message_that_cannot_be_written_ends_the_log_with_a_sentence(tmp_path)
     log.close()
     assert log.error is not None
     assert "stopped" in log.error
+
+
+def test_without_a_thread_the_caller_writes_the_same(tmp_path):
+    threads = threading.active_count()
+    logs = [LogWriter(tmp_path / f"{name}.mcap", background=name == "a", chunk_bytes=4096) for name in "ab"]
+    assert threading.active_count() == threads + 1
+    for log in logs:
+        fill(log, 300)
+    grown = logs[1].written
+    assert 0 < grown < 600  # chunk by chunk, not all at the end
+    for log in logs:
+        log.close()
+        assert (log.error, log.dropped, log.written) == (None, 0, 600)
+    with LogReader(logs[0].path) as first, LogReader(logs[1].path) as second:
+        assert list(first.messages()) == list(second.messages())
+    with pytest.raises(LogError):
+        logs[1].put(JOINTS, JOINT_STATE, joint_state(0.0, START), START)
+
+
+def test_without_a_thread_a_bad_disk_is_told_and_nothing_is_left_of_what_is_discarded(tmp_path):
+    log = LogWriter(tmp_path / "full.mcap", background=False, chunk_bytes=4096)
+    log._part.file.stream.close()
+
+    def put_many():
+        for _ in range(300):
+            log.put(JOINTS, JOINT_STATE, joint_state(0.0, START), START)
+
+    with pytest.raises(LogError, match=r"full\.mcap"):
+        put_many()
+    log.close()
+    assert log.written == 0
+    assert log.dropped > 0
+    other = LogWriter(tmp_path / "other.mcap", background=False)
+    fill(other, 10)
+    other.discard()
+    assert not list(tmp_path.glob("other*"))

@@ -3,42 +3,21 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 import scipy.linalg
 from references.equilibria import KNOWN, relative_difference, wrench
 from references.plain_rod import dense
+from references.rods import reference, uniform
 from scipy.spatial.transform import Rotation
 
 from cable_ros.branch.cold_start import Found, settle
 from cable_ros.rod import quaternion, warm_step
-from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.solve.trust_region import Options
 
 ARM = KNOWN["space_arm_+0.0deg"]
 SOME = ("space_arm_+0.0deg", "space_arm_+90.0deg", "cable_02", "cable_05", "cable_08")
-
-
-@cache
-def reference(name: str) -> Found:
-    """The equilibrium with an error far below anything compared here (estimated 1e-13)."""
-    return KNOWN[name].solved(1e-11)
-
-
-def uniform(name: str, order: int, count: int) -> Found:
-    """The same equilibrium on equal elements of any order."""
-    near = reference(name)
-    mesh = Mesh(reference_element(order), np.full(count, 1.0 / count))
-    rod = Rod(mesh, near.rod.K)
-    rod.set_conditions(near.rod.qe, near.rod.re, near.rod.f)
-    q = near.rod.mesh.interpolate(near.q, mesh.nodes)
-    q[0], q[-1] = near.q[0], near.q[-1]
-    found = settle(rod, q, near.F, Options(step_tolerance=1e-12, constraint_tolerance=1e-13))
-    assert found is not None
-    return found
 
 
 # Meshes fine enough for the limit whose error is still above the reference's, 1e-12.

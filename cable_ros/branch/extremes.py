@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The extremes that a scene's `limits` ask for, read off a rod at an equilibrium; SI units, world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.contact.clearance import clearance
+from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.points import FORCE, FRICTION, LENGTH, PLACE
+from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.limits import QUANTITIES, Extreme
+from cable_ros.rod import quaternion
+from cable_ros.rod.centreline import position
+from cable_ros.rod.elements import integrals, reference_element
+from cable_ros.rod.extensible import StretchingRod
+from cable_ros.rod.kirchhoff import NO_LINES, Rod
+from cable_ros.rod.resultants import CURVATURE, TENSION, TWIST, Law, Loads, Shape, centreline, largest
+from cable_ros.rod.units import Units
+from cable_ros.scene.cable_limits import CableLimits
+
+SPREAD = 4
+"""Number of forces that stand for the pressure at a sample of a patch: one leaves an error of 3e-3 of the
+curvature there, 4 one of 1e-4."""
+NO_ARC_LENGTHS = np.zeros(0)
+
+
+class Obstacles(NamedTuple):
+    """What a cable keeps clear of."""
+
+    placed: np.ndarray
+    """(n, WIDTH) as `distance.placed` makes them."""
+    names: Sequence[str]
+
+
+def extremes(
+    rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, limits: CableLimits,
+    obstacles: Obstacles,
+) -> Callable[[], tuple[Extreme, ...]]:  # fmt: skip
+    """What finds `Equilibrium.extremes` once it is called; from copies, since the rod moves on.
+
+    Args:
+        rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,).
+        start: (7,) the start clamp in the world, m, quaternion x y z w.
+        unit: of the cable.
+        limits: of the cable.
+        obstacles: what it keeps clear of, whether or not contact is among its effects.
+    """
+    arc_lengths, forces = point_forces(rod)
+    loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), arc_lengths, forces)
+    compliance = rod.compliance if isinstance(rod, StretchingRod) else np.zeros(3)
+    mesh = rod.h.copy(), rod.s0.copy(), rod.mesh.element.order
+    law = Law(rod.K, rod.natural)
+    return partial(_found, q.copy(), mesh, law, compliance, loads, start.copy(), unit, limits, obstacles)
+
+
+def point_forces(rod: Rod) -> tuple[np.ndarray, np.ndarray]:
+    """Arc lengths (k,), rising, and forces on the rod (k, 3) of its contacts, in units of the cable.
+
+    What stands for the pressure along a length is spread over that, with the same moment: a single force
+    would bend a kink into the curvature.
+    """
+    if isinstance(rod, NodalRod):
+        arc_lengths, _, _, forces, _, _, lengths = rod.contacts()
+    elif isinstance(rod, TouchingRod) and rod.count:
+        points = rod.points[: rod.count]
+        arc_lengths, lengths = points[:, PLACE], points[:, LENGTH]
+        forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
+    else:
+        return NO_ARC_LENGTHS, NO_LINES
+    times = np.where(lengths > 0.0, SPREAD, 1)
+    apart = np.concatenate([(np.arange(count) + 0.5) / count - 0.5 for count in (*times, 1)])[:-1]
+    arc_lengths = np.repeat(arc_lengths, times) + apart * np.repeat(lengths, times)
+    forces = np.repeat(forces / times[:, None], times, axis=0)
+    order = np.argsort(arc_lengths, kind="stable")
+    return np.ascontiguousarray(arc_lengths[order]), np.ascontiguousarray(forces[order])
+
+
+def _found(
+    q: np.ndarray, mesh: tuple[np.ndarray, np.ndarray, int], law: Law, compliance: np.ndarray, loads: Loads,
+    start: np.ndarray, unit: Units, limits: CableLimits, obstacles: Obstacles,
+) -> tuple[Extreme, ...]:  # fmt: skip
+    h, s0, order = mesh
+    values, primitives, _ = integrals(order)
+    points = reference_element(order, len(values)).points
+    c = np.empty((len(h), len(values) + 1, 3))
+    centreline(q, loads.F, loads.f, compliance, h, s0, values, points, primitives, c)
+    found = largest(Shape(q, h, s0, reference_element(order).nodes, c), law, loads)
+    least, at, which = clearance(c, h, s0, obstacles.placed)
+    curvature, tension, twist = found[[CURVATURE, TENSION, TWIST]].tolist()
+    worst = (
+        (unit.length / curvature[0] if curvature[0] > 0.0 else np.inf, curvature[1]),
+        (tension[0] * unit.force, tension[1]),
+        (twist[0] / unit.length, twist[1]),
+        (least * unit.length, at),
+    )
+    turn = quaternion.matrix_from_ros(start[3:])
+    out = []
+    for quantity, (value, s) in zip(QUANTITIES, worst, strict=True):
+        r = np.full(3, np.nan)
+        if np.isfinite(value):
+            position(c, h, s0, s, r)
+            r = start[:3] + unit.length * turn @ r
+        near = obstacles.names[which] if quantity.name == "clearance" and np.isfinite(value) else ""
+        at_s = s * unit.length if np.isfinite(value) else np.nan
+        out.append(Extreme(quantity, float(value), at_s, r, getattr(limits, quantity.name), near))
+    return tuple(out)

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Natural frequencies and modes of a cable about its equilibrium, whatever holds it; SI units, world."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.contact.distance import across, gap
+from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.points import FORCE, OBSTACLE, PLACE, SLIPS
+from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.equilibrium import Modes
+from cable_ros.linalg.bordered import NEUTRAL
+from cable_ros.rod import quaternion
+from cable_ros.rod.extensible import StretchingRod
+from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.units import Units
+from cable_ros.rod.vibration import Motion, dense, lowest, mass, motion, strain_stiffness
+
+RIGID = 1e6
+"""EI / L^3; what holds the cable more stiffly than this holds it as if it were rigid."""
+PAIR = 2
+"""Number of places side by side on a grid that stand for one point of contact; more are a patch."""
+FLAT = 1e-9
+"""1 / L; a gap whose curvature along the cable is less than this is flat."""
+Held = tuple[np.ndarray, np.ndarray]
+"""Rows (r, N) that do not move, and the stiffness (N, N) of all else that contacts do."""
+
+
+def modes(
+    rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, density: float, count: int,
+    points: int,
+) -> Modes:  # fmt: skip
+    """The `count` lowest modes, their shapes at `points` equal arc lengths; see `Equilibrium.modes`.
+
+    Args:
+        rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,); its tangent is set up.
+        start: (7,) the start clamp in the world, m, quaternion x y z w.
+        unit: of the cable.
+        density: mass per length, kg/m.
+        count: of modes.
+        points: 2 or more.
+    """
+    if not density:
+        return no_modes(count, points, np.inf)
+    moved, H, held = _problem(rod, q, F)
+    M, n = mass(moved), len(rod.elastic)
+    try:
+        omega, vectors = lowest(H, M, held, count)
+    except np.linalg.LinAlgError:
+        # what turns freely is stable with a little more stiffness
+        H[:n, :n] += NEUTRAL * dense(rod.elastic)
+        try:
+            omega, vectors = lowest(H, M, held, count)
+        except np.linalg.LinAlgError:
+            return no_modes(count, points, np.nan)
+    turn = quaternion.matrix_from_ros(start[3:])
+    shapes = np.einsum("ab,sbn,nk->ksa", turn, moved.at(np.linspace(0.0, 1.0, points)), vectors)
+    largest = np.linalg.norm(shapes, axis=2).max(axis=1)
+    shapes /= np.where(largest > 0.0, largest, 1.0)[:, None, None]
+    return Modes(omega / (2.0 * np.pi) * np.sqrt(unit.stiffness / density) / unit.length**2, shapes)
+
+
+def no_modes(count: int, points: int, frequency: float) -> Modes:
+    """Without shapes: a cable without mass, or what has no vibrations."""
+    return Modes(np.full(count, frequency), np.full((count, points, 3), np.nan))
+
+
+def _problem(rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Motion, np.ndarray, np.ndarray]:
+    """How the rod moves, its Hessian (N, N), and the rows (r, N) that do not move."""
+    rod.refactor(q, F)
+    compliance = rod.compliance if isinstance(rod, StretchingRod) else np.zeros(3)
+    gauss = rod.s0[:, None] + rod.h[:, None] * rod.mesh.element.points
+    moved = motion(q, rod.mesh, compliance, F + (1.0 - gauss)[:, :, None] * rod.f)
+    n, size = len(rod.elastic), moved.starts.shape[2]
+    H = np.zeros((size, size))
+    H[:n, :n] = dense(rod.elastic + rod.geometric)
+    if size > n:
+        H[range(n, size), range(n, size)] = strain_stiffness(rod.mesh, compliance)
+    rows, stiffness = _contacts(rod, moved)
+    H += stiffness
+    clamps = np.zeros((6, size))
+    clamps[range(6), [*range(3), *range(n - 3, n)]] = 1.0
+    return moved, H, np.concatenate([clamps, moved.starts[-1], rows])
+
+
+def _contacts(rod: Rod, moved: Motion) -> Held:
+    """What contacts that press hold, in the rod's unknowns: they go on pressing, and what sticks sticks."""
+    size = moved.starts.shape[2]
+    if isinstance(rod, TouchingRod) and rod.count:
+        return _active_set(rod, moved)
+    if isinstance(rod, NodalRod) and rod.touches:
+        return _grid(rod, moved)
+    return np.zeros((0, size)), np.zeros((size, size))
+
+
+def _grid(rod: NodalRod, moved: Motion) -> Held:
+    """Of contacts at fixed material points.
+
+    One or two side by side stand for a point of contact between them, which slides along the cable to the
+    gap's minimum. Held both, two would hold the slope, too.
+    """
+    boundaries, obstacles, springs = rod.contact_stiffness()
+    values, axes = np.linalg.eigh(springs)
+    number = {pair: i for i, pair in enumerate(zip(boundaries.tolist(), obstacles.tolist(), strict=True))}
+    pressure, J = rod.state.lam, moved.starts
+    rows, stiffness = [np.zeros((0, J.shape[2]))], [np.zeros(0)]
+    for o in range(pressure.shape[1]):
+        for run in _runs(np.flatnonzero(pressure[:, o] > 0.0)):
+            force = pressure[run, o]
+            whole = float(force.sum())
+            if len(run) > PAIR:
+                for k in run.tolist():
+                    i = number[k, o]
+                    rows.append(axes[i].T @ J[k])
+                    stiffness.append(values[i])
+                continue
+            share = force / whole
+            i = number[int(run[np.argmax(force)]), o]
+            rows.append(axes[i].T @ np.einsum("k,kan->an", share, J[run]))
+            stiffness.append(np.where(values[i] > RIGID, values[i], values[i] * whole / force.max()))
+            slopes, curvatures = zip(*(_slope(rod, moved, int(k), o) for k in run), strict=True)
+            rows.append((share @ np.array(slopes))[None])
+            stiffness.append(np.array([whole / max(float(share @ np.array(curvatures)), FLAT)]))
+    every, values = np.concatenate(rows), np.concatenate(stiffness)
+    rigid = values > RIGID
+    soft = every[~rigid]
+    return every[rigid], (soft.T * values[~rigid]) @ soft
+
+
+def _runs(at: np.ndarray) -> list[np.ndarray]:
+    """The runs of consecutive numbers in `at` (k,), which rise."""
+    return [run for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if len(run)]
+
+
+def _slope(rod: NodalRod, moved: Motion, k: int, o: int) -> tuple[np.ndarray, float]:
+    """Of the gap to obstacle o along the cable at boundary k: its slope's derivative (N,), its curvature."""
+    assert rod.obstacles is not None
+    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+    gap(rod.obstacles[o], rod.state.r[k], n, directions, bends)
+    node = k * rod.mesh.element.order
+    before, t, after = quaternion.tangents(rod.state.q[node - 1 : node + 2])
+    turned = (after - before) / float(rod.mesh.nodes[node + 1] - rod.mesh.nodes[node - 1])
+    along = (bends * (directions @ t)) @ directions
+    first = quaternion.rotate(rod.state.q[node], np.array([1.0, 0.0, 0.0]))
+    row = along @ moved.starts[k]
+    row[3 * node : 3 * node + 2] += np.cross(first, t) @ n, first @ n
+    return row, float(n @ turned + along @ t)
+
+
+def _active_set(rod: TouchingRod, moved: Motion) -> Held:
+    """Of contact points: the rows of `assembly.system` beside the end position's, and those of stick."""
+    size = moved.starts.shape[2]
+    V, delta = rod.V[3 : rod.rows], rod.delta[3 : rod.rows]
+    soft = np.abs(delta) > 1.0 / RIGID
+    stiffness = (V[soft].T / delta[soft]) @ V[soft]
+    points = rod.points[: rod.count]
+    assert rod.obstacles is not None
+    rough = rod.obstacles[points[:, OBSTACLE].astype(int), 17] > 0.0
+    sticks = np.flatnonzero(rough & (points[:, FORCE] > 0.0) & (points[:, SLIPS] == 0.0))
+    rows = [V[~soft]]
+    if rod.model == COULOMB and len(sticks):
+        directions = np.empty((2, 3))
+        for i, J in zip(sticks, moved.at(points[sticks, PLACE]), strict=True):
+            across(rod.normals[i], directions)
+            rows.append(directions @ J)
+    return np.concatenate(rows), stiffness if soft.any() else np.zeros((size, size))

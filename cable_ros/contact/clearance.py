@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled: the least distance of a centreline from obstacles, less the cable's radius where it counts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import LEAF, njit
+from cable_ros.contact.distance import gap
+from cable_ros.rod.centreline import position
+from cable_ros.rod.resultants import GOLDEN, SECTIONS
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+COARSE, FINE = 32, 16
+"""Number of equal intervals of the rod, and of parts of those that may hold the least distance."""
+STEEP = 1.1
+"""Largest change of the distance per arc length: a cable is stretched to no more than this."""
+
+
+@njit(**LEAF)
+def distance(obstacle, c, h, s0, s, work):
+    """`distance.gap` at the arc length s; `work` (5, 3): workspace."""
+    position(c, h, s0, s, work[0])
+    return gap(obstacle, work[0], work[1], work[2:4], work[4])
+
+
+@njit(**OPTIONS)
+def clearance(c, h, s0, obstacles):
+    """Least distance from the obstacles (n, WIDTH), the arc length where it is, and which obstacle's it is.
+
+    An interval whose ends are too far away to hold a smaller distance, by its length, is left out; the
+    smallest of the samples of all others is refined by golden sections between its neighbours. Two minima
+    nearer to each other than 1 / (32 16) of the length may be taken for one. Units of the cable; negative:
+    inside.
+    """
+    best, at, which = np.inf, 0.0, 0
+    work, ends = np.empty((5, 3)), np.empty(COARSE + 1)
+    wide, step = 1.0 / COARSE, 1.0 / (COARSE * FINE)
+    for o in range(obstacles.shape[0]):
+        near, at_s = np.inf, 0.0
+        for i in range(COARSE + 1):
+            ends[i] = distance(obstacles[o], c, h, s0, i * wide, work)
+            if ends[i] < near:
+                near, at_s = ends[i], i * wide
+        for i in range(COARSE):
+            if 0.5 * (ends[i] + ends[i + 1] - STEEP * wide) < min(near, best):
+                for k in range(1, FINE):
+                    value = distance(obstacles[o], c, h, s0, i * wide + k * step, work)
+                    if value < near:
+                        near, at_s = value, i * wide + k * step
+        if near - STEEP * step >= best:
+            continue
+        a, b = max(at_s - step, 0.0), min(at_s + step, 1.0)
+        u, v = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
+        left, right = distance(obstacles[o], c, h, s0, u, work), distance(obstacles[o], c, h, s0, v, work)
+        for _ in range(SECTIONS):
+            if left <= right:
+                b, v, right = v, u, left
+                u = b - GOLDEN * (b - a)
+                left = distance(obstacles[o], c, h, s0, u, work)
+            else:
+                a, u, left = u, v, right
+                v = a + GOLDEN * (b - a)
+                right = distance(obstacles[o], c, h, s0, v, work)
+        if left < near:
+            near, at_s = left, u
+        if near < best:
+            best, at, which = near, at_s, o
+    return best, at, which
