@@ -10,10 +10,9 @@ from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.nodal_rod import NodalRod, places_for
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
-from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
-from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.initial_shapes import starts
 from cable_ros.rod.kirchhoff import Rod
@@ -52,7 +51,7 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
     force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.held()))
     new = NodalRod(rod.K, rod.natural, rod.obstacles, places_for(float(force)), rod.model == COULOMB)
     new.work = max(rod.work, WORK)
-    adopted = new.adopt(rod, q, F, points[:, PLACE], forces, points[:, OBSTACLE].astype(int))
+    adopted = new.adopt(rod, q, F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int))
     return new if adopted else None
 
 
@@ -88,14 +87,12 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
 def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndarray, np.ndarray, int] | None:
     """The equilibrium of the `new` rod next to the grid's, from its shape q (n, 4) there and its contacts."""
     assert new.obstacles is not None
-    curve(q, new.h, new.tables[0], new.primitives, new.c)
+    new.trace(q)
     at, which = np.nonzero(rod.lies_on(LEVEL))
     places = np.append(rod.s0, 1.0)[at]
     give_contacts(new, q, which, places, rod.state.lam[at, which], 1.0 / rod.cells)
     q = new.fit_patches(q)
-    code, iterations, q_new, F_new = new.touch(
-        q, rod.end_force, new.qe, new.re, new.f, SETTLE.step_tolerance, 1.0, new.obstacles
-    )
+    code, iterations, q_new, F_new = new.correct(q, rod.end_force, SETTLE.step_tolerance)
     return (q_new, F_new, iterations) if code == warm_step.ADVANCED else None
 
 

@@ -14,10 +14,11 @@ from cable_ros.contact.report import contact_table, on_grid
 from cable_ros.contact.response import cross_matrix
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.equilibrium import ContactTable, Equilibrium, Status
-from cable_ros.rod import quaternion, warm_step
-from cable_ros.rod.elements import Mesh, Sampling, integrals, sampling
+from cable_ros.rod import output, quaternion
+from cable_ros.rod.elements import Mesh, integrals, sampling
 from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import Sampling
 from cable_ros.rod.units import Units
 
 
@@ -27,7 +28,7 @@ def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarr
     `rod` is at an equilibrium with the end force F (3,), in units of the cable.
     """
     end, start = np.empty(6), np.empty(6)
-    warm_step.wrenches(F, rod.f, rod.held(), rod.qe, rod.g, unit.force, unit.moment, end, start)
+    output.wrenches(F, rod.f, rod.held(), rod.qe, rod.g, unit.force, unit.moment, end, start)
     return end, start
 
 
@@ -52,25 +53,20 @@ class Reader:
         """
         end_wrench, start_wrench = np.empty(6), np.empty(6)
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
-        scale = unit.force, unit.moment, unit.length
+        out = end_wrench, start_wrench, points, orientations
+        scale, forces = (unit.force, unit.moment, unit.length), (F, rod.f, rod.held(), rod.qe, rod.g)
         if isinstance(rod, TouchingRod) and rod.count:
             element = rod.mesh.element
-            warm_step.read_anywhere(
-                q, F, rod.f, rod.held(), rod.qe, rod.g, rod.h, rod.s0, integrals(element.order), start, scale,
-                end_wrench, start_wrench, points, orientations,
-            )  # fmt: skip
-            return end_wrench, start_wrench, points, orientations
+            output.read_anywhere(q, forces, (rod.h, rod.s0), integrals(element.order), start, scale, out)
+            return out
         known = self._known
         if known is None or known[0] is not rod.mesh or known[1] != count:
             self._known = known = rod.mesh, count, sampling(rod.mesh, count)
         table = known[2]
-        warm_step.read(
-            q, F, rod.f, rod.held(), rod.qe, rod.g, rod.h, table.element, table.values, table.weights,
-            table.quadrature, start, scale, end_wrench, start_wrench, points, orientations,
-        )  # fmt: skip
+        output.read(q, forces, rod.h, tuple(table), start, scale, out)
         if isinstance(rod, StretchingRod):
             rod.stretch_points(q, F, table, start, unit.length, points)
-        return end_wrench, start_wrench, points, orientations
+        return out
 
 
 def touching(

@@ -20,6 +20,7 @@ from cable_ros.branch.cold_start import (
 )
 from cable_ros.branch.continuation import FREE_TO_TURN, Fall
 from cable_ros.branch.standing import Standing, alone, motion
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
@@ -185,7 +186,7 @@ class TrackedEquilibrium(CableModel):
         end_wrench, start_wrench, points, orientations = self._reader.read(
             rod, self._q, self._F, start, unit, self.polyline_points
         )
-        friction = None if self._obstacles is None else self._obstacles[:, 17]
+        friction = None if self._obstacles is None else self._obstacles[:, FRICTION_COEFFICIENT]
         return Equilibrium.of(
             status=status, message=message, converged=standing.loss is None, stable=True,
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,

@@ -5,15 +5,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.fixed_set import BorderedRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.meshing import fitted, layered
-from cable_ros.contact.newton import touch
+from cable_ros.contact.newton import solve
 from cable_ros.contact.patches import resample
-from cable_ros.contact.points import FORCE, FRICTION, HELD, KIND, OBSTACLE, PLACE, POINT, SLIPS, TIE
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    BEFORE,
+    FORCE,
+    FRICTION,
+    INTERFACE,
+    KIND,
+    OBSTACLE,
+    POINT,
+    SLIPS,
+)
 from cable_ros.contact.travel import FRICTION_CHANGE, FRICTION_LEAST, SHORTER, stride, travel
 from cable_ros.rod import quaternion, warm_step
-from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
 
 DENSE = 20.0
@@ -21,8 +31,8 @@ DENSE = 20.0
 
 
 class ActiveSetRod(BorderedRod):
-    """A rod whose contact points belong to its last equilibrium: `touch` changes them, together with the
-    lengths of the elements, and puts them back if it fails.
+    """A rod whose contact points belong to its last equilibrium: `step_in_contact` changes them, together
+    with the lengths of the elements, and puts them back if it fails.
     """
 
     @property
@@ -41,14 +51,12 @@ class ActiveSetRod(BorderedRod):
         Only where points touch: the samples of a stretch are others on another mesh.
         """
         points = self.points[: self.count]
-        if self.model != COULOMB or not points[:, FRICTION:HELD].any() or (points[:, KIND] != POINT).any():
+        if self.model != COULOMB or not points[:, FRICTION:BEFORE].any() or (points[:, KIND] != POINT).any():
             return q, F
         assert self.obstacles is not None
         kept, mesh = self.state(), self.mesh
         self.model = FRICTIONLESS
-        code, _, q_new, F_new = self.touch(
-            q, F, self.qe, self.re, self.f, tolerance, 0.6, self.obstacles, remesh=False
-        )
+        code, _, q_new, F_new = self.correct(q, F, tolerance, 0.6, remesh=False)
         self.model, self.ready = COULOMB, False
         same = self.count == kept[1] and (self.points[: self.count, OBSTACLE] == kept[0][:, OBSTACLE]).all()
         if code == warm_step.ADVANCED and same:
@@ -74,7 +82,7 @@ class ActiveSetRod(BorderedRod):
         fresh = self.mesh.interpolate(q, mesh.nodes)
         fresh[0], fresh[-1] = q[0], q[-1]
         self._allocate(mesh)
-        self.points[: self.count, TIE] = -1.0
+        self.points[: self.count, INTERFACE] = -1.0
         self.count = resample(self.points, self.count, self.h, self.s0)
         return fresh
 
@@ -91,12 +99,22 @@ class ActiveSetRod(BorderedRod):
         points, self.count, self.h[:], self.s0[:] = state
         self.points[: self.count] = points
 
-    def touch(
+    def correct(
+        self, q: np.ndarray, F: np.ndarray, tolerance: float, limit: float = 1.0, remesh: bool = True
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:
+        """`step_in_contact` under the conditions that are set, from (q, F) nearby."""
+        assert self.obstacles is not None
+        return self.step_in_contact(q, F, self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh)
+
+    def step_in_contact(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """One solve with contact points, from the equilibrium (q, F) with its own; see `newton.touch`."""
-        kept, sense, mesh = self.state(), self.sense, self.mesh
+        """One solve with contact points, from the equilibrium (q, F) with its own.
+
+        Returns code, iterations and the new (q, F), see `newton.active_set_newton`.
+        """
+        kept, direction, mesh = self.state(), self.direction, self.mesh
         self.latest, self.stride = None, 2.0  # the gradient will be another's
         Y, S = (self.borders, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
         spent = 0
@@ -104,15 +122,12 @@ class ActiveSetRod(BorderedRod):
             q, F, spent = self._reverse(q, F, re, tolerance, limit)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
-            known = self.settled is q
-            code, iterations, self.count, self.rows, moved, turned = touch(
-                q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
-                self.primitives, self.samples, obstacles, self.obstacles, self.sense, self.model,
-                self.points, self.count, self.rows, self.ready, known, self.f, self.gaps, self.normals,
-                self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W,
-                self.delta, self.lines, self.upto, Y, S, self.acc, self.g, self.radial, self.totals,
-                tolerance, self.depth, self.give, self.finest(), limit, self.drift, self.refresh, q_new,
-                F_new,
+            last = q, F, self.f, self.obstacles, self.count, self.rows, self.ready, self.settled is q
+            factors = self.A, self.L, self.pivots, Y, S
+            options = self.model, self.direction, self.samples, self.depth, self.give, self.finest()
+            code, iterations, self.count, self.rows, moved, turned = solve(
+                last, (qe, re, f), obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
+                options, (tolerance, limit, self.drift, self.refresh), (q_new, F_new),
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = warm_step.NOT_CONTRACTING, 0, False, np.inf
@@ -132,9 +147,9 @@ class ActiveSetRod(BorderedRod):
             code = warm_step.ADVANCED if self.border_factor(0.0, 3 + self.count) else warm_step.NOT_CONVEX
         if code != warm_step.ADVANCED:
             self.restore(kept, mesh)
-            self.sense = sense
+            self.direction = direction
             return code, iterations + spent, q_new, F_new
-        curve(q_new, self.h, self.tables[0], self.primitives, self.c)
+        self.trace(q_new)
         sunk, before = self.sunk(obstacles), (self.qe, self.re, self.f, self.obstacles)
         self.set_conditions(qe, re, f, obstacles)
         self.age, self.drift = age, turned if same else 0.0
@@ -149,7 +164,7 @@ class ActiveSetRod(BorderedRod):
         if sunk:
             self.restore(kept, mesh)
             self.set_conditions(*before)
-            self.sense, self.ready = sense, False
+            self.direction, self.ready = direction, False
             return warm_step.NOT_CONTRACTING, iterations, q_new, F_new
         if not self.count:
             super().refactor(q_new, F_new)
@@ -160,12 +175,12 @@ class ActiveSetRod(BorderedRod):
         """How much the friction of what slips has changed in a step to q across the cable, see `travel`."""
         points = self.points[: self.count]
         slips = points[points[:, SLIPS] == 1.0]
-        change = slips[:, FRICTION:HELD] - slips[:, HELD : HELD + 3]
-        possible = float(points[:, FORCE] @ obstacles[points[:, OBSTACLE].astype(int), 17])
+        change = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
+        possible = float(points[:, FORCE] @ obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT])
         possible = max(possible, float(np.linalg.norm(F)))
         if np.abs(change).sum() <= SHORTER * FRICTION_CHANGE * possible:
             return 0.0
-        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, PLACE]))
+        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
         return float(np.linalg.norm(np.cross(along, change), axis=1).sum()) / possible
 
     def _reverse(
@@ -179,18 +194,16 @@ class ActiveSetRod(BorderedRod):
         size = float(np.linalg.norm(way))
         if size < 1e-12:
             return q, F, 0
-        before, after = self.sense, way / size
+        before, after = self.direction, way / size
         spent = 0
         if self.count and before @ after <= 0.0 and self.obstacles is not None:
             for part in np.linspace(0.75, -0.75, 7):
-                self.sense = part * before if part > 0.0 else -part * after
-                code, iterations, q_new, F_new = self.touch(
-                    q, F, self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh=False
-                )
+                self.direction = part * before if part > 0.0 else -part * after
+                code, iterations, q_new, F_new = self.correct(q, F, tolerance, limit, remesh=False)
                 spent += iterations
                 if code == warm_step.ADVANCED:
                     q, F = q_new, F_new
-        self.sense = after
+        self.direction = after
         return q, F, spent
 
     def _remesh(
@@ -201,9 +214,7 @@ class ActiveSetRod(BorderedRod):
         fresh = self.fit(q)
         assert self.obstacles is not None
         fresh, F_fresh = self._let_go(fresh, F, tolerance)
-        code, more, q_new, F_new = self.touch(
-            fresh, F_fresh, self.qe, self.re, self.f, tolerance, 0.6, self.obstacles, remesh=False
-        )
+        code, more, q_new, F_new = self.correct(fresh, F_fresh, tolerance, 0.6, remesh=False)
         self.drift = 0.0
         if code == warm_step.ADVANCED:
             return code, iterations + more, q_new, F_new

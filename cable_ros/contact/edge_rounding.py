@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
-from cable_ros.contact.distance import BOX, CYLINDER
+from cable_ros.contact.distance import BOX, CYLINDER, DIMENSIONS, OFFSET, SHAPE
 from cable_ros.rod import warm_step
 
 ROUNDING = 0.02
@@ -26,15 +26,15 @@ MOST_STEPS = 60
 
 def blunted(obstacles: np.ndarray, part: float = 1.0) -> np.ndarray:
     """The obstacles (n, WIDTH) with edges rounded by `part` of ROUNDING; themselves where none has edges."""
-    edged = (obstacles[:, 0] == BOX) | (obstacles[:, 0] == CYLINDER)
+    edged = (obstacles[:, SHAPE] == BOX) | (obstacles[:, SHAPE] == CYLINDER)
     if not edged.any() or part == 0.0:
         return obstacles
     out = obstacles.copy()
     for i in np.flatnonzero(edged):
-        widths = slice(13, 16) if out[i, 0] == BOX else slice(13, 15)
+        widths = slice(DIMENSIONS, OFFSET if out[i, SHAPE] == BOX else OFFSET - 1)
         rho = part * min(ROUNDING, CORE * float(out[i, widths].min()))
         out[i, widths] -= rho
-        out[i, 16] += rho
+        out[i, OFFSET] += rho
     return out
 
 
@@ -45,7 +45,7 @@ def sharpen(
     at, ratio, total = 1.0, 0.0, 0  # `ratio`: of the next rounding to the present one
     for _ in range(MOST_STEPS):
         target = ratio * at if ratio * at > FINEST else 0.0
-        code, iterations, q_new, F_new = rod.touch(
+        code, iterations, q_new, F_new = rod.step_in_contact(
             q, F, rod.qe, rod.re, rod.f, tolerance, 0.6, blunted(obstacles, target)
         )
         total += iterations

@@ -8,32 +8,33 @@ from typing import Any
 
 import numpy as np
 
-from cable_ros.contact.assembly import nodal, point_forces, system
+from cable_ros.contact.assembly import assemble_kkt_from_python, nodal, point_forces_from_python
 from cable_ros.contact.detection import dips, scan
-from cable_ros.contact.distance import gap
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
 from cable_ros.contact.meshing import suited
 from cable_ros.contact.patches import inside
 from cable_ros.contact.points import (
+    ARC_LENGTH,
     CAPACITY,
     COLUMNS,
     FIRST,
     FORCE,
     FRICTION,
-    GRIP,
     KIND,
     OBSTACLE,
-    PLACE,
     POINT,
     SAMPLE,
+    SLIP_ROW,
     SLIPS,
-    held,
+    STICK_ROW,
+    total_force,
 )
 from cable_ros.contact.resolution import highest_mode, misplaced
 from cable_ros.contact.response import Contacts, wrench_response
-from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod import entry_points, quaternion
 from cable_ros.rod.centreline import curve
-from cable_ros.rod.elements import Mesh, primitives
+from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.units import relative_change
 
@@ -79,7 +80,7 @@ class BorderedRod(Rod):
         # descents that may still be made of steps that fail, see `penalty_continuation.give_way`
         self.patience = 0
         self.seen: list[np.ndarray] | None = None  # what a search with several starts has found before
-        self.sense = np.zeros(3)
+        self.direction = np.zeros(3)  # see `contact_state.History`
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
         self.rubbed = 0.0  # friction along stretches, all together, when `friction_error` last looked at it
@@ -91,14 +92,13 @@ class BorderedRod(Rod):
         super()._allocate(mesh)
         n = self.elastic.shape[0]
         self.h, self.s0 = self.h.copy(), self.s0.copy()
-        self.primitives = primitives(mesh.element)
         # nothing is read of these that was not written: megabytes, of which few rows are ever used
         self.V, self.W, self.borders = np.empty((ROWS, n)), np.empty((ROWS, n)), np.empty((ROWS, n))
         self.lines, self.upto = np.zeros((ROWS, 3)), np.zeros(ROWS, np.int64)
         self.delta, self.complement = np.zeros(ROWS), np.empty((ROWS, ROWS))
         # with friction: `skew_factor`'s
         self.Y_slip, self.S_slip = np.empty((ROWS, n)), np.empty((ROWS, ROWS))
-        self.c = np.zeros((len(self.h), len(self.primitives) + 1, 3))
+        self.c = np.zeros((len(self.h), len(self.tables.points) + 1, 3))
         self.judged = True  # whether `borders` and `complement` are those of the present borders
         self.ready = False  # whether the factors are those of the last equilibrium with its contact points
 
@@ -142,9 +142,38 @@ class BorderedRod(Rod):
         self._sample(len(self.phi))
 
     def held(self) -> np.ndarray:
-        return np.asarray(held(self.points, self.normals, self.count))
+        return np.asarray(total_force(self.points, self.normals, self.count))
+
+    # groups of `contact_state` and `rod_state`, as plain tuples, see `rod.entry_points`
+
+    def shape(self, q: np.ndarray) -> tuple[Any, ...]:
+        """`Shape` of the nodal frames q (n, 4); its centreline is that of the last `trace`."""
+        return q, self.c, self.grid
+
+    @property
+    def contacts(self) -> tuple[np.ndarray, ...]:
+        """`ContactSet`."""
+        return self.points, self.gaps, self.normals
+
+    @property
+    def constraints(self) -> tuple[np.ndarray, ...]:
+        """`ConstraintRows`."""
+        return self.V, self.W, self.delta, self.lines, self.upto
+
+    def kkt(self, factors: tuple[np.ndarray, ...]) -> tuple[tuple[np.ndarray, ...], ...]:
+        """`KKT` with these factors."""
+        evaluation, tangents, _ = self.saddle
+        return evaluation, tangents, self.constraints, factors
+
+    def _factors(self, complement: np.ndarray) -> tuple[np.ndarray, ...]:
+        """`Factors` that tell of stability and errors, with this Schur complement."""
+        return self.A, self.L, self.pivots, self.borders, complement
 
     # where it is
+
+    def trace(self, q: np.ndarray) -> None:
+        """Compute the centreline of the nodal frames q (n, 4)."""
+        curve(q, self.h, self.tables.values, self.tables.primitives, self.c)
 
     def sunk(self, obstacles: np.ndarray) -> bool:
         """Whether a stretch, or what is beside it, is deeper inside than springs may let it."""
@@ -158,13 +187,12 @@ class BorderedRod(Rod):
     def clear(self, q: np.ndarray) -> bool:
         """Whether the shape q (n, 4) is nowhere inside an obstacle, between the samples neither."""
         assert self.obstacles is not None
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
+        self.trace(q)
         scan(self.c, self.h, self.s0, self.samples, self.obstacles, self.phi)
         return not self._dips(q, self.obstacles)
 
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
-        return bool(dips(q, self.h, self.s0, self.mesh.element.nodes, self.c, self.samples,
-                         obstacles, self.phi, self.depth))  # fmt: skip
+        return bool(dips(self.shape(q), self.samples, obstacles, self.phi, self.depth))
 
     def finest(self) -> float:
         """The spacing that measures elements along stretches: friction is less smooth than pressure."""
@@ -175,8 +203,9 @@ class BorderedRod(Rod):
         if not self.count:
             return super().unresolved(q, leeway)
         out = np.empty(len(self.h))
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        misplaced(q, self.h, self.s0, self.fine, self.c, self.obstacles, self.points, self.count, out)
+        self.trace(q)
+        fine = self.fine.values, self.fine.weights
+        misplaced((q, self.c, self.h, self.s0), fine, self.obstacles, self.points, self.count, out)
         return out > 2.0 * leeway * self.give
 
     def suited(self, mesh: Mesh) -> Mesh:
@@ -184,33 +213,28 @@ class BorderedRod(Rod):
 
     # the borders' algebra
 
-    def system(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
-        """Gradient, Hessian and borders at (q, F) with the contact points as they are; number of borders."""
-        rows, _, _ = system(
-            q, F, self.f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
-            self.primitives, self.c, self.obstacles, self.c, self.h, self.s0, self.obstacles, self.sense,
-            model, False, self.points, self.count, self.gaps, self.normals, self.acc, self.g, self.radial,
-            self.totals, self.elastic, self.geometric, self.parts, self.C, self.V, self.W, self.delta,
-            self.lines, self.upto, True,
-        )  # fmt: skip
-        return int(rows)
+    def assemble(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
+        """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
+        history = model, self.direction, self.c, self.h, self.s0, self.obstacles
+        return int(assemble_kkt_from_python(
+            self.shape(q), (F, self.f), self.section, self.obstacles, history, self.contacts, self.count,
+            self.kkt(self._factors(self.complement)),
+        ))  # fmt: skip
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
         if not self.count:
             return super().refactor(q, F)
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
+        self.trace(q)
         self._normal = self.settled = None
-        self.rows = self.system(q, F, FRICTIONLESS)
+        self.rows = self.assemble(q, F, FRICTIONLESS)
         self.drift, self.ready = 0.0, self.model == FRICTIONLESS
         return self.border_factor(0.0, 3 + self.count)
 
     def border_factor(self, mu: float, equalities: int) -> bool:
         """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
         self.judged = True
-        return bool(warm_step.border_factor(
-            self.elastic, self.geometric, mu, self.mesh.element.order, self.A, self.L, self.pivots,
-            self.V, self.delta, self.rows, equalities, self.borders, self.complement,
-        ))  # fmt: skip
+        system = *self.saddle[:2], self._factors(self.complement)
+        return bool(entry_points.border_factor(mu, system, self.V, self.delta, self.rows, equalities))
 
     def _judge(self) -> None:
         """Have factors that tell of stability and errors, not those of the iteration with friction."""
@@ -218,10 +242,10 @@ class BorderedRod(Rod):
             self.border_factor(0.0, 3 + self.count)
 
     def border_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `warm_step.border_step`."""
+        """See `bordered.border_step`."""
         s, y = np.empty(gradient.shape[0]), np.empty(self.rows)
-        warm_step.border_step(gradient, constraints, self.V, self.rows, self.mesh.element.order, self.L,
-                             self.pivots, self.borders, self.complement, s, y)  # fmt: skip
+        order, factors = self.mesh.element.order, self._factors(self.complement)
+        entry_points.border_step(gradient, constraints, self.V, self.rows, order, factors, s, y)
         return s, y
 
     # what a solution says
@@ -230,9 +254,9 @@ class BorderedRod(Rod):
         if not self.count:
             return super()._softest()
         self._judge()
-        return float(warm_step.margin(
-            self.elastic, self.V, self.rows, self.mesh.element.order, self.L, self.pivots, self.borders,
-            self.complement, self.mode, self.waves(), 50,
+        order, factors = self.mesh.element.order, self._factors(self.complement)
+        return float(entry_points.margin(
+            self.elastic, self.V, self.rows, order, factors, self.mode, self.waves(), 50,
         ))  # fmt: skip
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
@@ -240,47 +264,44 @@ class BorderedRod(Rod):
 
     def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
         """Derivative of the wrenches on clamps and obstacles; see `response.wrench_response`."""
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        self.rows = self.system(q, F, FRICTIONLESS)
+        self.trace(q)
+        self.rows = self.assemble(q, F, FRICTIONLESS)
         self.judged = self.ready = False
         points = self.points[: self.count]
         kind, pressure = points[:, KIND], points[:, FORCE]
         which = points[:, OBSTACLE].astype(int)
         assert self.obstacles is not None
-        rough = (self.obstacles[which, 17] > 0.0) & (pressure > 0.0)
+        rough = (self.obstacles[which, FRICTION_COEFFICIENT] > 0.0) & (pressure > 0.0)
         contacts = Contacts(
-            places=points[:, PLACE].copy(), obstacles=which, pressure=pressure,
+            places=points[:, ARC_LENGTH].copy(), obstacles=which, pressure=pressure,
             friction=points[:, FRICTION : FRICTION + 3], slides=kind == POINT, lifts=kind >= FIRST,
             sticks=rough & (points[:, SLIPS] == 0.0) & (self.model == COULOMB), across=self.model == SLIDING,
             give=1.0 / STICK,
         )  # fmt: skip
-        mesh = (self.h, self.s0, self.mesh.element.nodes, self.tables[0], self.tables[4], self.primitives)
-        return wrench_response(
-            q, F, self.qe, F + self.f + self.held(), self.g, self.C, (self.elastic, self.geometric),
-            self.parts, mesh, self.c, self.obstacles, contacts, moving,
-        )  # fmt: skip
+        clamps = self.qe, F, F + self.f + self.held(), self.g
+        return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving)
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         if not self.count:
             return super().wrench_error(q, F)
         self._judge()
         Fe, residual = np.empty((len(self.h), 3)), np.empty(self.g.size)
-        point_forces(q, F, self.h, self.s0, self.tables[0], self.tables[4], self.primitives, self.points,
-                     self.normals, self.count, Fe, self.acc)  # fmt: skip
+        point_forces_from_python(self.shape(q), F, self.contacts, self.count, Fe, self.acc)
         nodal(q, self.acc, residual)
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        coarse = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
-        # what sticks does so where this mesh has put it: the force stays, no border holds the place
-        grips = np.abs(self.points[: self.count, GRIP]).astype(int)
-        held = np.concatenate([grips[grips > 0], 1 + grips[self.points[: self.count, GRIP] > 0.0]])
+        self.trace(q)
+        boundaries = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
+        # what sticks does so where this mesh has put it: the force stays, no row holds the position
+        sticks, slips = self.points[: self.count, [STICK_ROW, SLIP_ROW]].astype(int).T
+        sticks, slips = sticks[sticks > 0], slips[slips > 0]
+        friction = np.concatenate([sticks, 1 + sticks, slips])
         complement = self.complement
-        if len(held) and self.model == COULOMB:
+        if len(friction) and self.model == COULOMB:
             complement = complement.copy()
-            complement[held, held] = RELEASED
-        return np.asarray(warm_step.error(
-            q, Fe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine, self.bubble,
-            self.elastic, self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L,
-            self.pivots, self.borders, complement, self.g, residual, self.shares,
+            complement[friction, friction] = RELEASED
+        return np.asarray(entry_points.error(
+            q, Fe, (self.qe, self.re, self.f), self.section, self.grid, self.enrichment,
+            (*self.saddle[:2], self._factors(complement)), self.constraints, self.rows,
+            (boundaries, residual, self.shares),
         ))  # fmt: skip
 
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:

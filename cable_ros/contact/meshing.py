@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.contact.points import KIND, LYING, PLACE, SAMPLE
+from cable_ros.contact.points import ARC_LENGTH, KIND, LYING, SAMPLE
 from cable_ros.rod.elements import Mesh, ReferenceElement
 
 CLOSEST = 0.02
@@ -38,7 +38,7 @@ def fitted(element: ReferenceElement, edges: list[float], points: np.ndarray, sp
     """The mesh with inner boundaries at `edges`, moved to the contact points, and enough along stretches."""
     held = places(points)
     far = [edge for edge in edges if min((abs(edge - s) for s in held), default=1.0) >= CLOSEST]
-    samples = points[points[:, KIND] == SAMPLE, PLACE]
+    samples = points[points[:, KIND] == SAMPLE, ARC_LENGTH]
     out: list[float] = []
     edges = sorted(far + held)
     for low, high in zip([0.0, *edges], [*edges, 1.0], strict=True):
@@ -69,6 +69,6 @@ def layered(mesh: Mesh, points: np.ndarray, force: float) -> Mesh:
 
 def places(points: np.ndarray) -> list[float]:
     """Where boundaries belong: at the points and the ends of stretches, rising."""
-    mine = np.unique(points[points[:, KIND] != SAMPLE, PLACE])
+    mine = np.unique(points[points[:, KIND] != SAMPLE, ARC_LENGTH])
     apart = np.diff(mine, prepend=-1.0) > TOGETHER
     return [float(s) for s in mine[apart] if 0.0 < s < 1.0]

@@ -15,10 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.contact.distance import gap, gaps
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap, gaps
 from cable_ros.contact.nodal_kernels import (
     COMPLIANCE,
-    FRICTION,
     OPEN,
     SLIP,
     carry_history,
@@ -29,7 +28,7 @@ from cable_ros.contact.nodal_kernels import (
 from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
 from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_response
 from cable_ros.contact.nodal_stability import ITERATIONS, softest
-from cable_ros.contact.nodal_state import ORDER, Model, State, Step, Tangents, spaces, workplace
+from cable_ros.contact.nodal_state import ORDER, Model, State, Step, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
 from cable_ros.contact.travel import FRICTION_LEAST, FRICTION_STEP, SHORTER, stride, travel
 from cable_ros.linalg.band_lu import band_factor
@@ -37,6 +36,7 @@ from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.initial_shapes import SIDE
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import ENERGY, Evaluation, Grid, Section, Tangents
 from cable_ros.rod.units import relative_change
 from cable_ros.solve.trust_region import Options
 
@@ -169,10 +169,11 @@ class NodalRod(Rod):
         self._slips = np.zeros((elements + 1, count), bool)
         self._step: Step | None = None
         self._moved = False  # whether `before` is the equilibrium before the last
-        self._model = Model(np.zeros(3), self.K, self.natural, self.h, self.s0, self.tables)
-        self._work = workplace(self.g, self.radial, self.acc, self.totals, self.h, self.tables, count)
-        self._tangents = Tangents(self.elastic, self.geometric, self.parts, self.C)
-        self._rows, self._band = spaces(self.h, self.tables, count)
+        evaluation, tangents, _ = self.saddle
+        self._model = Model(np.zeros(3), Section(self.K, self.natural), Grid(self.h, self.s0, self.tables))
+        self._work = workplace(Evaluation(*evaluation), elements, count)
+        self._tangents = Tangents(*tangents)
+        self._rows, self._band = spaces(elements, count)
 
     @property
     def shape(self) -> np.ndarray:
@@ -288,7 +289,7 @@ class NodalRod(Rod):
     def _friction_change(self, before: State) -> float:
         """How much the friction of what slips has changed since `before` across the cable, see `travel`."""
         state, (normals, _) = self.state, self._pressed()
-        possible = float((state.lam * self._under[:, FRICTION]).sum())
+        possible = float((state.lam * self._under[:, FRICTION_COEFFICIENT]).sum())
         if possible == 0.0:
             return 0.0
         possible = max(possible, float(np.linalg.norm(state.F[-1])))
@@ -337,7 +338,7 @@ class NodalRod(Rod):
         state, kept = self.state, self.state.copy()
         if not self.coulomb:
             obstacles = obstacles.copy()
-            obstacles[:, FRICTION] = 0.0
+            obstacles[:, FRICTION_COEFFICIENT] = 0.0
         carried, turned = np.empty((*state.lam.shape, 3)), np.empty((*state.lam.shape, 3))
         carry_history(state.r, self.frames, self._under, obstacles, carried, turned)
         qe = qe if state.q[-1] @ qe > 0.0 else -qe
@@ -382,7 +383,7 @@ class NodalRod(Rod):
 
     def _weigh(self) -> None:
         """Add the weight's potential energy to the elastic one, which is all that `residuals` counts."""
-        self.totals[3] -= float(self.f @ self.state.r[1:-1].sum(axis=0)) / self.cells
+        self.totals[ENERGY] -= float(self.f @ self.state.r[1:-1].sum(axis=0)) / self.cells
 
     # equilibria of other rods
 
@@ -422,7 +423,7 @@ class NodalRod(Rod):
                     state.lam[k, o] += share * max(force @ n, 0.0)
                     state.tau[k, o] += share * (d @ force)
         self.set_conditions(rod.qe, rod.re, rod.f)
-        give = SEED / np.maximum(state.lam * rod.obstacles[:, FRICTION], FAINT)
+        give = SEED / np.maximum(state.lam * rod.obstacles[:, FRICTION_COEFFICIENT], FAINT)
         if (
             self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, give)[0] != CONVERGED
             and self._flow(rod.qe, rod.re, rod.f, rod.obstacles, give) is None
@@ -493,12 +494,14 @@ class NodalRod(Rod):
     def _integrate(self) -> None:
         """Positions of the boundaries from the frames."""
         tangents = quaternion.tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
-        ways = self.h[:, None] * np.einsum("g,mga->ma", self.tables[5], tangents.reshape(len(self.h), -1, 3))
+        ways = self.h[:, None] * np.einsum(
+            "g,mga->ma", self.tables.weights, tangents.reshape(len(self.h), -1, 3)
+        )
         self.state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(ways, axis=0)))
 
     def _gauss_places(self) -> np.ndarray:
         """(m, g) arc lengths of the quadrature points."""
-        return np.asarray(self.s0[:, None] + self.h[:, None] * self.tables[4])
+        return np.asarray(self.s0[:, None] + self.h[:, None] * self.tables.points)
 
     # falls
 
@@ -558,7 +561,7 @@ class NodalRod(Rod):
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Energy at the last equilibrium, which (x, y) must be, and that all residuals vanish."""
-        return float(self.totals[3]), np.zeros(3), np.zeros(self.g.size)
+        return float(self.totals[ENERGY]), np.zeros(3), np.zeros(self.g.size)
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
         """Set up and factor the tangent at the last equilibrium, for the step that led there."""

@@ -14,8 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.contact.nodal_state import Rows, Tangents
+from cable_ros.contact.nodal_state import Rows
 from cable_ros.linalg import banded
+from cable_ros.rod.rod_state import Tangents
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 

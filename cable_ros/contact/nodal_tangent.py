@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.distance import gap
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.nodal_kernels import (
-    FRICTION,
     OPEN,
     STICK,
     TURNING,
@@ -79,16 +78,13 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
         a, b: of `Band`; receive the matrix and minus the residuals.
     """
     q, r, F = state.q, state.r, state.F
-    elastic, geometric, parts, C = tangents
+    elastic, geometric, parts, _ = tangents
     rows_r, rows_psi, rows_F, _ = rows
     elements = F.shape[0]
     order = (q.shape[0] - 1) // elements
     nd = 3 * (order + 1)
     cell = 1.0 / (elements - 1)
-    hessian(
-        q, F, model.f, model.K, model.natural, model.h, model.s0, model.tables, work.radial, elastic,
-        geometric, parts, C,
-    )  # fmt: skip
+    hessian(q, F, model.f, model.section, model.grid, work.evaluation.radial, tangents)
     total, low = number(work.near, order, rows)
     for i in range(total):
         for j in range(3 * low + 1):
@@ -98,7 +94,7 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
     for i in range(1, last):
         for c in range(3):
             row = rows_psi[i] + c
-            b[row] = -work.g[i, c]
+            b[row] = -work.evaluation.g[i, c]
             a[row, low] += TURNING * step.drag * cell
             k = 3 * i + c
             for m in range(band + 1):
@@ -178,7 +174,7 @@ def press_tangent(state, step, rows, a, b, low):
             away = 0.0
             for c in range(3):
                 away += n[c] * (r[k, c] - step.carried[k, o, c])
-            mu, give = obstacles[o, FRICTION], step.give[k, o]
+            mu, give = obstacles[o, FRICTION_COEFFICIENT], step.give[k, o]
             kind, t0, t1, radius = project(
                 lam[k, o], tau[k, o], step.tau[k, o], phi, u, mu, (rho, grip, give), out
             )

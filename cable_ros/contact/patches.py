@@ -15,19 +15,20 @@ import numpy as np
 from cable_ros.compilation import njit
 from cable_ros.contact.distance import gap
 from cable_ros.contact.points import (
+    ARC_LENGTH,
+    BEFORE,
     FIRST,
     FORCE,
-    HELD,
     KIND,
     LAST,
     LENGTH,
     LYING,
+    NUMBER,
     OBSTACLE,
-    PLACE,
     POINT,
-    ROW,
     SAMPLE,
-    WENT,
+    SHIFT,
+    SLOPE_ROW,
     add,
     remove,
 )
@@ -63,7 +64,7 @@ def inside(points, count, o, s):
         if points[i, KIND] == SAMPLE:
             lies = True
             continue
-        place = points[i, PLACE]
+        place = points[i, ARC_LENGTH]
         if left < place <= s:
             left, before = place, points[i, KIND]
         if s < place < right:
@@ -103,12 +104,12 @@ def fill(points, count, h, s0, covered):
     changes, i = 0, 0
     while i < count:
         if points[i, KIND] == SAMPLE:
-            g = int(points[i, ROW])
+            g = int(points[i, NUMBER])
             if not now[int(points[i, OBSTACLE]), g]:
                 count = remove(points, count, i)
                 changes += 1
                 continue
-            points[i, PLACE], points[i, LENGTH] = place(g, h, s0), h[g // SAMPLES] * WEIGHTS[g % SAMPLES]
+            points[i, ARC_LENGTH], points[i, LENGTH] = place(g, h, s0), h[g // SAMPLES] * WEIGHTS[g % SAMPLES]
         i += 1
     for o in range(now.shape[0]):
         for g in range(now.shape[1]):
@@ -149,7 +150,7 @@ def sample(points, count, o, g, h, s0):
     before = count
     count = add(points, count, o, place(g, h, s0), SAMPLE)
     if count > before:
-        points[before, LENGTH], points[before, ROW] = h[g // SAMPLES] * WEIGHTS[g % SAMPLES], g
+        points[before, LENGTH], points[before, NUMBER] = h[g // SAMPLES] * WEIGHTS[g % SAMPLES], g
         inherit(points, before, points, before)
     return count
 
@@ -159,11 +160,11 @@ def inherit(points, i, others, count):
     """Let sample i press and rub, for its length, as the nearest of the `others` on its obstacle does."""
     best, distance = -1, np.inf
     for k in range(count):
-        d = abs(others[k, PLACE] - points[i, PLACE])
+        d = abs(others[k, ARC_LENGTH] - points[i, ARC_LENGTH])
         if others[k, OBSTACLE] == points[i, OBSTACLE] and others[k, KIND] == SAMPLE and d < distance:
             best, distance = k, d
     if best >= 0:
-        for a in range(FORCE, HELD + 3):
+        for a in range(FORCE, BEFORE + 3):
             points[i, a] = others[best, a] * points[i, LENGTH] / others[best, LENGTH]
 
 
@@ -173,19 +174,19 @@ def lay(points, count, o, low, high):
 
     From 0, or to 1, it begins or ends at the clamp.
     """
-    total = np.zeros(HELD + 3 - FORCE)
+    total = np.zeros(BEFORE + 3 - FORCE)
     i = 0
     while i < count:
-        s = points[i, PLACE]
+        s = points[i, ARC_LENGTH]
         if points[i, OBSTACLE] == o and points[i, KIND] == POINT and low <= s <= high:
-            total += points[i, FORCE : HELD + 3]
+            total += points[i, FORCE : BEFORE + 3]
             count = remove(points, count, i)
         else:
             i += 1
     for s, kind in ((low, FIRST), (high, LAST)):
         if 0.0 < s < 1.0 and count < points.shape[0]:
             count = add(points, count, o, s, kind)
-            points[count - 1, FORCE : HELD + 3] = 0.5 * total
+            points[count - 1, FORCE : BEFORE + 3] = 0.5 * total
     return count
 
 
@@ -205,30 +206,30 @@ def move_ends(points, count, y, spacing):
     out too far. Returns the largest motion.
     """
     largest = 0.0
-    ways = np.zeros(count)
+    shifts = np.zeros(count)
     for i in range(count):
-        if points[i, KIND] == SAMPLE or points[i, ROW] == 0.0:
+        if points[i, KIND] == SAMPLE or points[i, SLOPE_ROW] == 0.0:
             continue
-        back, forth = points[i, PLACE], 1.0 - points[i, PLACE]
+        back, forth = points[i, ARC_LENGTH], 1.0 - points[i, ARC_LENGTH]
         for k in range(count):
-            d = points[k, PLACE] - points[i, PLACE]
+            d = points[k, ARC_LENGTH] - points[i, ARC_LENGTH]
             if k == i or points[k, OBSTACLE] != points[i, OBSTACLE] or points[k, KIND] == SAMPLE:
                 continue
             if d < 0.0:
                 back = min(back, -d)
             else:
                 forth = min(forth, d)
-        way = y[int(points[i, ROW])] / max(abs(points[i, FORCE]), FAINT)
+        shift = y[int(points[i, SLOPE_ROW])] / max(abs(points[i, FORCE]), FAINT)
         if points[i, FORCE] < 0.0 and points[i, KIND] != POINT:
-            way = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
-        went, points[i, WENT] = points[i, WENT], way
-        if CREEP * went * went < way * went < went * went:
-            way, points[i, WENT] = way / (1.0 - way / went), 0.0
-        way = min(max(way, -STRIDE * spacing), STRIDE * spacing)
-        ways[i] = min(max(way, -ROOM * back), ROOM * forth)
-        largest = max(largest, abs(ways[i]))
+            shift = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
+        last, points[i, SHIFT] = points[i, SHIFT], shift
+        if CREEP * last * last < shift * last < last * last:
+            shift, points[i, SHIFT] = shift / (1.0 - shift / last), 0.0
+        shift = min(max(shift, -STRIDE * spacing), STRIDE * spacing)
+        shifts[i] = min(max(shift, -ROOM * back), ROOM * forth)
+        largest = max(largest, abs(shifts[i]))
     for i in range(count):
-        points[i, PLACE] += ways[i]
+        points[i, ARC_LENGTH] += shifts[i]
     return largest
 
 
@@ -239,8 +240,10 @@ def neighbour(points, count, i, kind):
     for k in range(count):
         if points[k, OBSTACLE] != points[i, OBSTACLE] or points[k, KIND] < FIRST:
             continue
-        later = points[k, PLACE] > points[i, PLACE] or (points[k, PLACE] == points[i, PLACE] and k > i)
-        if k != i and later and (best < 0 or points[k, PLACE] < points[best, PLACE]):
+        later = points[k, ARC_LENGTH] > points[i, ARC_LENGTH] or (
+            points[k, ARC_LENGTH] == points[i, ARC_LENGTH] and k > i
+        )
+        if k != i and later and (best < 0 or points[k, ARC_LENGTH] < points[best, ARC_LENGTH]):
             best = k
     return best if best >= 0 and points[best, KIND] == kind else -1
 
@@ -251,11 +254,11 @@ def shrink(points, count, spacing, depth):
     changed, i = False, 0
     while i < count:
         j = neighbour(points, count, i, LAST) if points[i, KIND] == FIRST else -1
-        length = points[j, PLACE] - points[i, PLACE] if j >= 0 else 1.0
+        length = points[j, ARC_LENGTH] - points[i, ARC_LENGTH] if j >= 0 else 1.0
         if length < spacing and length**3 * (points[i, FORCE] + points[j, FORCE]) < depth:
-            points[i, FORCE : HELD + 3] += points[j, FORCE : HELD + 3]
-            o, low = points[i, OBSTACLE], points[i, PLACE]
-            points[i, PLACE], points[i, KIND] = low + 0.5 * length, POINT
+            points[i, FORCE : BEFORE + 3] += points[j, FORCE : BEFORE + 3]
+            o, low = points[i, OBSTACLE], points[i, ARC_LENGTH]
+            points[i, ARC_LENGTH], points[i, KIND] = low + 0.5 * length, POINT
             count = remove(points, count, j)
             count = clear(points, count, o, low, low + length)
             changed, i = True, 0
@@ -274,7 +277,7 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
     changed, count = shrink(points, count, spacing, 5.0 * depth)
     i = 0
     while i < count:
-        kind, s = points[i, KIND], points[i, PLACE]
+        kind, s = points[i, KIND], points[i, ARC_LENGTH]
         if kind < FIRST:
             i += 1
             continue
@@ -286,14 +289,14 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
             continue
         if kind == LAST:
             j = neighbour(points, count, i, FIRST)
-            if j >= 0 and points[j, PLACE] - s < 0.1 * spacing:
+            if j >= 0 and points[j, ARC_LENGTH] - s < 0.1 * spacing:
                 count = remove(points, count, max(i, j))
                 count = remove(points, count, min(i, j))
                 changed = True
                 i = 0
                 continue
         if points[i, FORCE] < 0.0:
-            points[i, PLACE] += (-0.5 if kind == FIRST else 0.5) * min(spacing, abs(s - edge))
+            points[i, ARC_LENGTH] += (-0.5 if kind == FIRST else 0.5) * min(spacing, abs(s - edge))
             changed = True
         i += 1
     lifted, count = part(points, count, h, s0, obstacles.shape[0])
@@ -305,7 +308,7 @@ def clear(points, count, o, low, high):
     """Drop the samples on obstacle o between low and high; the count."""
     i = 0
     while i < count:
-        if points[i, KIND] == SAMPLE and points[i, OBSTACLE] == o and low <= points[i, PLACE] <= high:
+        if points[i, KIND] == SAMPLE and points[i, OBSTACLE] == o and low <= points[i, ARC_LENGTH] <= high:
             count = remove(points, count, i)
         else:
             i += 1
@@ -327,11 +330,11 @@ def part(points, count, h, s0, obstacles):
         while i < count:
             if points[i, OBSTACLE] == o and points[i, KIND] == SAMPLE:
                 if points[i, FORCE] < 0.0:
-                    pulls[int(points[i, ROW])] = True
+                    pulls[int(points[i, NUMBER])] = True
                     changed = True
                     count = remove(points, count, i)
                     continue
-                presses[int(points[i, ROW])] = True
+                presses[int(points[i, NUMBER])] = True
             i += 1
         g = 0
         while g < size:
@@ -372,10 +375,10 @@ def end_beside(points, count, o, s, kind):
     """The end of a stretch on obstacle o that is next to s, before it (FIRST) or after it (LAST); or -1."""
     best = -1
     for i in range(count):
-        d = s - points[i, PLACE] if kind == FIRST else points[i, PLACE] - s
+        d = s - points[i, ARC_LENGTH] if kind == FIRST else points[i, ARC_LENGTH] - s
         if points[i, OBSTACLE] != o or points[i, KIND] != kind or d < 0.0:
             continue
-        if best < 0 or d < abs(points[best, PLACE] - s):
+        if best < 0 or d < abs(points[best, ARC_LENGTH] - s):
             best = i
     return best
 

@@ -8,10 +8,21 @@ import numpy as np
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.detection import press
 from cable_ros.contact.friction_kernels import FRICTIONLESS
-from cable_ros.contact.interfaces import lowest
+from cable_ros.contact.interfaces import lowest_from_python
 from cable_ros.contact.patches import grounded
-from cable_ros.contact.points import COLUMNS, FIRST, FORCE, KIND, LAST, LENGTH, OBSTACLE, PLACE, SAMPLE, TIE
-from cable_ros.rod.centreline import curve
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    COLUMNS,
+    FIRST,
+    FORCE,
+    INTERFACE,
+    KIND,
+    LAST,
+    LENGTH,
+    OBSTACLE,
+    SAMPLE,
+)
+from cable_ros.rod.rod_state import ENERGY
 
 LONGEST_POINT = 3
 """So many samples inside an obstacle side by side are taken for a point, more for a stretch."""
@@ -34,7 +45,7 @@ class Softened:
     def _press(self, x: np.ndarray) -> float:
         """Set the rod's contact points to the samples inside at x; returns the springs' energy."""
         rod = self.rod
-        curve(x, rod.h, rod.tables[0], rod.primitives, rod.c)
+        rod.trace(x)
         rod.count = press(rod.c, rod.h, rod.s0, rod.samples, rod.obstacles, rod.points, self.phi,
                           self.stiffness)  # fmt: skip
         springs = rod.points[: rod.count]
@@ -47,12 +58,12 @@ class Softened:
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         rod = self.rod
         penalty = self._press(x)
-        rod.rows = rod.system(x, y, FRICTIONLESS)
+        rod.rows = rod.assemble(x, y, FRICTIONLESS)
         rod.delta[3 : 3 + rod.count] = 1.0 / (self.stiffness * rod.points[: rod.count, LENGTH])
         g = rod.g.ravel().copy()
         g[:3] = g[-3:] = 0.0
         rod._normal = None
-        return float(rod.totals[3]) + penalty, rod.totals[:3] - rod.re, g
+        return float(rod.totals[ENERGY]) + penalty, rod.totals[:ENERGY] - rod.re, g
 
     def factor(self, mu: float) -> bool:
         return self.rod.border_factor(mu, 3)
@@ -71,7 +82,9 @@ class Softened:
         rod = self.rod
         self._press(x)
         points = rod.points[: rod.count]
-        give_contacts(rod, x, points[:, OBSTACLE].copy(), points[:, PLACE].copy(), points[:, FORCE].copy())
+        give_contacts(
+            rod, x, points[:, OBSTACLE].copy(), points[:, ARC_LENGTH].copy(), points[:, FORCE].copy()
+        )
 
 
 def give_contacts(
@@ -104,10 +117,10 @@ def _contacts(
     assert rod.obstacles is not None
     ob = rod.obstacles[obstacle]
     template = np.zeros(COLUMNS)
-    template[OBSTACLE], template[TIE] = obstacle, -1.0
+    template[OBSTACLE], template[INTERFACE] = obstacle, -1.0
     if high - low < (LONGEST_POINT - 0.5) * spacing:
         deepest = places[np.argmax(forces)]
-        template[PLACE] = lowest(q, rod.h, rod.s0, rod.mesh.element.nodes, rod.c, deepest, 0.5 * spacing, ob)
+        template[ARC_LENGTH] = lowest_from_python(rod.shape(q), deepest, 0.5 * spacing, ob)
         template[FORCE] = total
         return [template]
     out = []
@@ -123,6 +136,6 @@ def _contacts(
     inner = rod.samples[(rod.samples > low) & (rod.samples < high)]
     out += [(s, SAMPLE, total / len(inner)) for s in inner]
     rows = np.tile(template, (len(out), 1))
-    rows[:, [PLACE, KIND, FORCE]] = out
+    rows[:, [ARC_LENGTH, KIND, FORCE]] = out
     rows[rows[:, KIND] == SAMPLE, LENGTH] = rod.spacing
     return list(rows)

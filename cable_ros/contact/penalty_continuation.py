@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.distance import POSE
 from cable_ros.contact.edge_rounding import blunted, sharpen
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.penalty import Softened
-from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE, TIE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, INTERFACE, OBSTACLE
 from cable_ros.rod import warm_step
 from cable_ros.solve.trust_region import Options, minimize
 
@@ -86,9 +87,7 @@ def _descend(
         if taut:
             q = rod.resolve(q, F)
         q = rod.fit_patches(q)
-        code, iterations, q_new, F_new = rod.touch(
-            q, F, rod.qe, rod.re, rod.f, options.step_tolerance, 1.0, rod.obstacles
-        )
+        code, iterations, q_new, F_new = rod.correct(q, F, options.step_tolerance)
         if code == warm_step.ADVANCED:
             return q_new, F_new, total + iterations
     return None
@@ -103,7 +102,7 @@ def give_way(
     Taken only where it ends near the shape before, as a branch that goes on does; else returns `failed`.
     """
     assert rod.obstacles is not None
-    way = float(np.abs(re - rod.re).max() + np.abs(obstacles[:, 1:13] - rod.obstacles[:, 1:13]).max())
+    way = float(np.abs(re - rod.re).max() + np.abs(obstacles[:, POSE] - rod.obstacles[:, POSE]).max())
     end = qe if q[-1] @ qe > 0.0 else -qe
     way += 2.0 * float(np.abs(q[-1] - end).max())
     if rod.model == COULOMB:
@@ -133,8 +132,8 @@ def _inherit(rod: ActiveSetRod, before: np.ndarray) -> None:
     for point in rod.points[: rod.count]:
         same = before[(before[:, OBSTACLE] == point[OBSTACLE]) & (before[:, FORCE] > 0.0)]
         if len(same):
-            nearest = same[np.argmin(np.abs(same[:, PLACE] - point[PLACE]))]
-            point[FRICTION:TIE] = nearest[FRICTION:TIE] * point[FORCE] / nearest[FORCE]
+            nearest = same[np.argmin(np.abs(same[:, ARC_LENGTH] - point[ARC_LENGTH]))]
+            point[FRICTION:INTERFACE] = nearest[FRICTION:INTERFACE] * point[FORCE] / nearest[FORCE]
 
 
 def _known(rod: ActiveSetRod, q: np.ndarray, energy: float) -> bool:

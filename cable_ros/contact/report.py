@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.points import FORCE, FRICTION, HELD, LENGTH, OBSTACLE, PLACE, SLIPS
+from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, FRICTION, LENGTH, OBSTACLE, SLIPS
 from cable_ros.equilibrium import ContactTable
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import position
@@ -34,12 +34,12 @@ def contact_table(
         start: (7,) the start clamp in the world, m, quaternion x y z w.
         units: of the cable.
     """
-    order = np.argsort(points[:, PLACE], kind="stable")
+    order = np.argsort(points[:, ARC_LENGTH], kind="stable")
     points, normals = points[order], normals[order]
     turn = quaternion.matrix_from_ros(start[3:]).T
-    which, friction = points[:, OBSTACLE].astype(int), points[:, FRICTION:HELD]
+    which, friction = points[:, OBSTACLE].astype(int), points[:, FRICTION:BEFORE]
     cone, size = coefficients[which] * points[:, FORCE], np.linalg.norm(friction, axis=1)
-    places = np.ascontiguousarray(points[:, PLACE])
+    places = np.ascontiguousarray(points[:, ARC_LENGTH])
     return ContactTable(
         names=tuple(names),
         obstacle=which,

@@ -20,7 +20,7 @@ Units of the cable, start clamp's frame, which stands still here while the start
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,9 +73,8 @@ class Rows:
 
 
 def wrench_response(
-    q: np.ndarray, F: np.ndarray, qe: np.ndarray, start_force: np.ndarray, g: np.ndarray, C: np.ndarray,
-    hessian: tuple[np.ndarray, np.ndarray], parts: np.ndarray, mesh: tuple[np.ndarray, ...],
-    curve: np.ndarray, bodies: np.ndarray, contacts: Contacts, moving: Sequence[int],
+    shape: tuple[Any, ...], clamps: tuple[np.ndarray, ...], tangents: tuple[np.ndarray, ...],
+    bodies: np.ndarray, contacts: Contacts, moving: Sequence[int],
 ) -> np.ndarray:  # fmt: skip
     """Derivative (12 + 6 k, 12 + 6 k) of the wrenches on the cable by motions of clamps and obstacles.
 
@@ -85,29 +84,21 @@ def wrench_response(
     point in the frame's origin and the rotation, along the frame's axes. NaN if the equations are singular.
 
     Args:
-        q, F: equilibrium: nodal frames (n, 4), end force (3,).
-        qe: (4,) end frame.
-        start_force: (3,) internal force at the start clamp.
-        g: (n, 3) gradient at the equilibrium.
-        C: (3, 3n) derivative of the end position by the nodal rotations.
-        hessian: its two parts in band storage, contact forces and friction fixed; see
-        `energy_kernels.hessian`.
-        parts: (elements, 3, 3 (order + 1)) the same of each element.
-        mesh: lengths and starts of the elements, nodes, shape functions and Gauss points of the reference
-            element, primitives.
-        curve: coefficients of the centreline.
+        shape: of `contact_state.Shape`, at an equilibrium.
+        clamps: end frame (4,), end force (3,), internal force at the start clamp (3,), gradient at the
+            equilibrium (n, 3).
+        tangents: of `rod_state.Tangents`, contact forces and friction fixed.
         bodies: (obstacles, WIDTH) as `distance.gap` takes them.
         contacts: the contact points.
         moving: the obstacles that may move.
     """
-    h, s0, nodes, N, gauss, primitives = mesh
+    qe, F, start_force, g = clamps
+    hessian, C = (tangents[0], tangents[1]), tangents[-1]
     m, n = len(contacts.places), C.shape[1]
-    order = N.shape[1] - 1
+    order = hessian[0].shape[1] // 3 - 1
     way, turn = np.empty((m, 3, n)), np.empty((m, 3, n))
-    displacements(q, h, s0, N, nodes, gauss, primitives, parts, contacts.places, way, turn)
-    r, t, dt, normals, directions, bends = surfaces(
-        q, h, s0, nodes, curve, contacts.places, contacts.obstacles, bodies
-    )
+    displacements(shape, tangents[2], contacts.places, way, turn)
+    r, t, dt, normals, directions, bends = surfaces(shape, contacts.places, contacts.obstacles, bodies)
     pressure, friction = contacts.pressure, contacts.friction
     P = pressure[:, None] * normals + friction
 
@@ -192,7 +183,8 @@ def wrench_response(
     explicit = np.cross(spin, P[:, :, None], axisa=1, axisb=1, axisc=1)  # turned with the obstacle
     i = np.flatnonzero(mobile)
     if len(i):
-        _mobilised(rows, i, contacts, normals, t, dt, turn, lean, slide, forces, explicit, spin, x_clamps)
+        motions_of = Motions(normals, t, dt, turn, lean, slide, spin, x_clamps)
+        _mobilised(rows, i, contacts, motions_of, forces, explicit)
 
     flat = way.reshape(3 * m, n)
     W += forces.reshape(3 * m, size).T @ flat
@@ -253,12 +245,43 @@ def _solve(
     return x, both[n - 6 :]
 
 
+class Motions(NamedTuple):
+    """How m contact points and the clamps move; the last axis is that of the motions, of the unknowns in
+    `lean` and `slide`, and of the nodal rotations in `turn`.
+    """
+
+    normals: np.ndarray
+    """(m, 3) of the obstacles."""
+    t: np.ndarray
+    """(m, 3) tangents of the cable."""
+    dt: np.ndarray
+    """(m, 3) curvature vectors."""
+    turn: np.ndarray
+    """(m, 3, 3n) derivative of the tangent."""
+    lean: np.ndarray
+    """(m, 3, size) of the normal over the surface."""
+    slide: np.ndarray
+    """(m, size) of the arc length."""
+    spin: np.ndarray
+    """(m, 3, motions) rotation of the obstacle."""
+    clamps: np.ndarray
+    """(6, motions) rotations of both clamps."""
+
+
 def _mobilised(
-    rows: Rows, i: np.ndarray, contacts: Contacts, normals: np.ndarray, t: np.ndarray, dt: np.ndarray,
-    turn: np.ndarray, lean: np.ndarray, slide: np.ndarray, forces: np.ndarray, explicit: np.ndarray,
-    spin: np.ndarray, x_clamps: np.ndarray,
-) -> None:  # fmt: skip
-    """Rows for the contacts `i` whose friction is across the cable, along t x n, and turns as these do."""
+    rows: Rows, i: np.ndarray, contacts: Contacts, motions: Motions, forces: np.ndarray, explicit: np.ndarray
+) -> None:
+    """Rows for contacts whose friction is across the cable, along t x n, and turns as these do.
+
+    Args:
+        rows: receive them.
+        i: the contacts.
+        contacts: all contact points.
+        motions: of all of them.
+        forces: (m, 3, size) on each contact, by the unknowns; overwritten for these contacts.
+        explicit: (m, 3, motions) by the motions themselves, likewise.
+    """
+    normals, t, dt, turn, lean, slide, spin, x_clamps = motions
     n = turn.shape[2]
     friction, size = contacts.friction[i], np.linalg.norm(contacts.friction[i], axis=1)
     side = np.cross(t[i], normals[i])

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS
 
 TURN = 0.3
 """A clamp or an obstacle that turns by 1 rad moves the cable beside it by about so many lengths."""
@@ -41,8 +42,8 @@ def travel(
     for i in range(3):
         out = max(out, abs(re[i] - re2[i]))
     for o in range(obstacles.shape[0]):
-        for i in range(1, 4):
+        for i in range(CENTRE, AXES):
             out = max(out, abs(obstacles[o, i] - obstacles2[o, i]))
-        for i in range(4, 13):
+        for i in range(AXES, DIMENSIONS):
             out = max(out, TURN * abs(obstacles[o, i] - obstacles2[o, i]))
     return out

@@ -10,10 +10,12 @@ end wrench converges with order 2p, as for a collocation method of the same cost
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
+
+from cable_ros.rod.rod_state import Sampling, Tables
 
 LANES = 8
 """Points or nodes that the kernels work out side by side: what the widest vector registers hold."""
@@ -34,18 +36,20 @@ class ReferenceElement:
     values: np.ndarray
     slopes: np.ndarray
 
-    @property
-    def tables(self) -> tuple[np.ndarray, ...]:
-        """values, slopes, both with every column three times, points, weights, `by_point`, `by_node`."""
-        return (
-            self.values,
-            self.slopes,
-            np.repeat(self.values, 3, axis=1),
-            np.repeat(self.slopes, 3, axis=1),
-            self.points,
-            self.weights,
-            self.by_point,
-            self.by_node,
+    @cached_property
+    def tables(self) -> Tables:
+        """What the kernels need of the element."""
+        return Tables(
+            values=self.values,
+            slopes=self.slopes,
+            values3=np.repeat(self.values, 3, axis=1),
+            slopes3=np.repeat(self.slopes, 3, axis=1),
+            points=self.points,
+            weights=self.weights,
+            by_point=self.by_point,
+            by_node=self.by_node,
+            nodes=self.nodes,
+            primitives=primitives(self),
         )
 
     @property
@@ -159,16 +163,6 @@ class Mesh:
         return Mesh(self.element, np.repeat(self.lengths / times, times))
 
 
-@dataclass(frozen=True, eq=False)
-class Sampling:
-    """Where on a mesh the m equally spaced points of a polyline lie, as the compiled `polyline` takes it."""
-
-    element: np.ndarray
-    values: np.ndarray
-    weights: np.ndarray
-    quadrature: np.ndarray
-
-
 def sampling(mesh: Mesh, count: int) -> Sampling:
     """The tables for `count` points at equal arc lengths, both ends included."""
     element, place = mesh.locate(np.linspace(0.0, 1.0, count))
@@ -179,7 +173,7 @@ def sampling(mesh: Mesh, count: int) -> Sampling:
     quadrature, _ = lagrange(mesh.element.nodes, points)
     inner, _ = lagrange(points, np.outer(place, points).ravel())
     integrals = place[:, None] * np.einsum("g,mgk->mk", weights, inner.reshape(count, len(points), -1))
-    return Sampling(element.astype(np.int64), values, np.vstack([integrals, weights]), quadrature)
+    return Sampling(element.astype(np.int64), values, np.vstack([integrals, weights]), quadrature, points)
 
 
 @cache

@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from cable_ros.linalg import banded, bordered
-from cable_ros.rod import quaternion, warm_step
-from cable_ros.rod.clamp_stiffness import clamp_response
+from cable_ros.rod import entry_points, error_estimate, quaternion, warm_step
 from cable_ros.rod.elements import Mesh, enrichment
-from cable_ros.rod.energy_kernels import gradient, hessian, workspace
+from cable_ros.rod.energy_kernels import workspace
+from cable_ros.rod.rod_state import ENERGY
 from cable_ros.solve.trust_region import Options, minimize
 
 ORDER = 6
@@ -21,8 +22,8 @@ REFRESH, OFF = 0.05, 0.1
 """Factors, stability margin and error estimate are renewed when a section has turned this far, rad, since;
 sooner where the margin, going on to change as it last did, would be off by more than this part of itself."""
 NOTHING = np.zeros(3)
-NO_LINES, NO_ELEMENTS = np.zeros((0, 3)), np.zeros(0, np.int64)
-"""For `warm_step.error`: nothing is touched."""
+NO_LINES, NO_ELEMENTS, NO_DELTA = np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0)
+"""For `error_estimate.error`: nothing is touched."""
 
 
 class Rod:
@@ -77,13 +78,13 @@ class Rod:
         self.mesh = mesh
         self.h, self.s0 = np.ascontiguousarray(mesh.lengths), mesh.starts
         self.tables = mesh.element.tables
-        fine, self.bubble = enrichment(order)
-        self.fine = fine.tables
+        fine, bubble = enrichment(order)
+        self.fine, self.bubble = fine.tables, bubble
         self.elastic, self.geometric = np.zeros((n, band)), np.zeros((n, band))
         self.A, self.L, self.pivots = np.zeros((n, band)), np.zeros((n, band)), np.ones(n)
         self.C, self.Y, self.S = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 3))
         self.parts, self.acc = np.zeros((elements, 3, band)), np.zeros((nodes, 4))
-        self.lanes = workspace(self.h, self.tables)
+        self.lanes = workspace(self.h, self.tables.by_point)
         self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
         self.shares = np.zeros(elements)
         self.mode = np.zeros(n)
@@ -93,9 +94,34 @@ class Rod:
         # the last equilibria of `advance` on this mesh: the latest itself, how many, and all of them
         self.latest: np.ndarray | None = None
         self.known = 0
-        self.shapes, self.forces = np.zeros((3, nodes, 4)), np.zeros((3, 3))
-        self.places = np.zeros((3, 10))
+        self.path = np.zeros((3, nodes, 4)), np.zeros((3, 3)), np.zeros((3, 10))
         self._normal: tuple[np.ndarray, np.ndarray] | None = None
+
+    # groups of `rod_state`, as `entry_points` takes them
+
+    @property
+    def section(self) -> tuple[np.ndarray, ...]:
+        """`Section`."""
+        return self.K, self.natural
+
+    @property
+    def grid(self) -> tuple[Any, ...]:
+        """`Grid`."""
+        return self.h, self.s0, tuple(self.tables)
+
+    @property
+    def enrichment(self) -> tuple[Any, ...]:
+        """`Enrichment`."""
+        return tuple(self.fine), self.bubble
+
+    @property
+    def saddle(self) -> tuple[tuple[np.ndarray, ...], ...]:
+        """`System`."""
+        return (
+            (self.acc, self.g, self.radial, self.totals, self.lanes),
+            (self.elastic, self.geometric, self.parts, self.C),
+            (self.A, self.L, self.pivots, self.Y, self.S),
+        )
 
     def set_conditions(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
@@ -134,34 +160,25 @@ class Rod:
 
     # Problem
 
-    def _gradient(self, q: np.ndarray, F: np.ndarray) -> None:
-        self.latest = None
-        self.acc[:] = 0.0
-        gradient(q, warm_step.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0,
-                 self.tables, self.lanes, self.acc, self.g, self.radial, self.totals)  # fmt: skip
-
     def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
-        self._gradient(x, np.zeros(3))
-        return float(self.totals[3]), self.totals[:3] - self.re
+        self.latest = None
+        entry_points.linearize(x, np.zeros(3), self.f, self.section, self.grid, self.saddle, False)
+        return float(self.totals[ENERGY]), self.totals[:ENERGY] - self.re
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        self._gradient(x, y)
-        hessian(x, warm_step.spread(y, self.h), self.f, self.K, self.natural, self.h, self.s0, self.tables,
-                self.radial, self.elastic, self.geometric, self.parts, self.C)  # fmt: skip
-        self._normal = None
+        self.latest = self._normal = None
+        entry_points.linearize(x, y, self.f, self.section, self.grid, self.saddle, True)
         g = self.g.ravel().copy()
         g[:3] = g[-3:] = 0.0
-        return float(self.totals[3]), self.totals[:3] - self.re, g
+        return float(self.totals[ENERGY]), self.totals[:ENERGY] - self.re, g
 
     def factor(self, mu: float) -> bool:
         self.drift = 0.0
-        return warm_step.factor(self.elastic, self.geometric, self.C, mu, self.mesh.element.order,
-                               self.A, self.L, self.pivots, self.Y, self.S)  # fmt: skip
+        return entry_points.factor(mu, self.mesh.element.order, self.saddle)
 
     def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         s, dF = np.empty(gradient.shape[0]), np.empty(3)
-        warm_step.saddle_step(gradient, constraints, self.C, self.mesh.element.order,
-                             self.L, self.pivots, self.Y, self.S, s, dF)  # fmt: skip
+        entry_points.saddle_step(gradient, constraints, self.mesh.element.order, self.saddle, s, dF)
         return s, dF
 
     def normal_step(self, constraints: np.ndarray) -> np.ndarray:
@@ -220,12 +237,9 @@ class Rod:
         """One warm-started solve, see `warm_step.advance`; returns code, iterations and the new (q, F)."""
         q_new, F_new = np.empty_like(q), np.empty(3)
         known = self.known if q is self.latest else 0
-        code, iterations, self.age, fresh = warm_step.advance(
-            q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables,
-            self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.Y, self.S,
-            self.acc, self.g, self.radial, self.totals,
-            known, self.shapes, self.forces, self.places, tolerance, limit, self.drift, self.refresh,
-            q_new, F_new,
+        code, iterations, self.age, fresh = entry_points.advance(
+            q, F, (qe, re, f), self.section, self.grid, self.saddle, (known, *self.path),
+            (tolerance, limit, self.drift, self.refresh), q_new, F_new,
         )  # fmt: skip
         self.latest, self.known = None, 0
         self.drift = 0.0 if fresh else self.age
@@ -249,8 +263,10 @@ class Rod:
         return margin
 
     def _softest(self) -> float:
-        return float(warm_step.margin(self.elastic, self.C, 3, self.mesh.element.order, self.L, self.pivots,
-                                     self.Y, self.S, self.mode, self.waves(), 50))  # fmt: skip
+        order, factors = self.mesh.element.order, self.saddle[2]
+        return float(
+            entry_points.margin(self.elastic, self.C, 3, order, factors, self.mode, self.waves(), 50)
+        )
 
     def waves(self) -> np.ndarray:
         """(3n,) some rotation of the sections that is smooth and zero at the clamps; elastic energy 1/2."""
@@ -268,24 +284,23 @@ class Rod:
         """
         self.linearize(q, F)
         self.factor(-bordered.NEUTRAL)
-        return clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic,
-                              self.geometric, self.C, self.mesh.element.order, self.L, self.pivots, self.Y,
-                              self.S, self.g)  # fmt: skip
+        return entry_points.clamp_response(q, F, (self.qe, self.re, self.f), self.grid, self.saddle)
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Estimated error (6,) of end force and end moment, in units of the cable; see `warm_step.error`."""
+        """Estimated error (6,) of end force and moment, in units of the cable; see `error_estimate.error`."""
         return self._wrench_error(q, F, self.re, np.zeros(self.g.size))
 
     def _wrench_error(self, q: np.ndarray, F: np.ndarray, re: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        return warm_step.error(q, warm_step.spread(F, self.h), re, self.f, self.K, self.natural, self.h,
-                              self.s0, self.fine, self.bubble, self.elastic, self.geometric, self.C, 3,
-                              NO_LINES, NO_ELEMENTS, NO_LINES, self.L, self.pivots, self.Y, self.S, self.g,
-                              residual, self.shares)  # fmt: skip
+        rows = self.C, self.C, NO_DELTA, NO_LINES, NO_ELEMENTS
+        return entry_points.error(
+            q, warm_step.spread(F, self.h), (self.qe, re, self.f), self.section, self.grid, self.enrichment,
+            self.saddle, rows, 3, (NO_LINES, residual, self.shares),
+        )  # fmt: skip
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Estimated relative error of the end wrench; see `units.relative_change`."""
         change = self.wrench_error(q, F)
-        return float(warm_step.relative_error(change, F, self.g[-1], self.shares, self.least))
+        return float(error_estimate.relative_error(change, F, self.g[-1], self.shares, self.least))
 
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """(2,) what lying at the clamps adds to `relative_error`; see `BorderedRod`."""

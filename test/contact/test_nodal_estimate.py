@@ -15,7 +15,7 @@ from nodal_scenes import go, ground, rotation, wrench
 
 from cable_ros.branch.cold_start import Conditions, Found, equilibria, refine
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
 from cable_ros.rod.units import relative_change
 
 K = np.array([1.0, 1.0, 0.75])
@@ -44,7 +44,7 @@ def adopted(cells: int, friction: float, twin: bool = True) -> NodalRod:
     forces = points[:, FORCE, None] * exact.normals[: exact.count] + points[:, FRICTION : FRICTION + 3]
     rod = NodalRod(K, None, LYING.obstacles, cells, friction > 0.0)
     assert rod.adopt(
-        exact, found.q, found.F, points[:, PLACE], forces, points[:, OBSTACLE].astype(int), twin
+        exact, found.q, found.F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int), twin
     )  # fmt: skip
     return rod
 

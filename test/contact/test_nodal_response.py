@@ -9,7 +9,7 @@ from nodal_scenes import advance, go, ground, matrix, pressed, raised, rotation,
 
 from cable_ros.branch.cold_start import Conditions
 from cable_ros.branch.results import tangent
-from cable_ros.contact.nodal_kernels import FRICTION
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.response import cross_matrix
 from cable_ros.rod import quaternion, warm_step
@@ -96,7 +96,7 @@ def test_without_friction(shape: str) -> None:
 def test_what_sticks(shape: str) -> None:
     rod = pressed(shape, 0.4)
     rough = rod._under.copy()
-    rough[:, FRICTION] = 2.0  # what slipped sticks with the friction that it had
+    rough[:, FRICTION_COEFFICIENT] = 2.0  # what slipped sticks with the friction that it had
     go(rod, Conditions(rod.qe, rod.re, rod.f, rough))
     assert rod.touches
     assert not rod.sliding().any()

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled: what a rod calls from Python.
+
+Each function is the one of its name elsewhere, but takes the groups of `rod_state` as plain tuples: Numba
+takes a NamedTuple from Python field by field, by name, which costs ten times as much. Tuples that stand for a
+group have its fields in order.
+"""
+
+from __future__ import annotations
+
+from cable_ros.compilation import njit
+from cable_ros.linalg import bordered
+from cable_ros.linalg.bordered import Factors
+from cable_ros.rod import clamp_stiffness, error_estimate, extensible_kernels, extensible_step, warm_step
+from cable_ros.rod.energy_kernels import gradient, hessian
+from cable_ros.rod.rod_state import (
+    Conditions,
+    ConstraintRows,
+    Enrichment,
+    Estimate,
+    Evaluation,
+    Grid,
+    Path,
+    Section,
+    StepControl,
+    Stretch,
+    System,
+    Tables,
+    Tangents,
+)
+from cable_ros.rod.warm_step import spread
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**OPTIONS)
+def grid_of(grid):
+    """`Grid` of lengths, starts, and the fields of `Tables`."""
+    h, s0, tables = grid
+    return Grid(h, s0, Tables(*tables))
+
+
+@njit(**OPTIONS)
+def system_of(system):
+    """`System` of the fields of `Evaluation`, of `Tangents`, and of `Factors`."""
+    evaluation, tangents, factors = system
+    return System(Evaluation(*evaluation), Tangents(*tangents), Factors(*factors))
+
+
+@njit(**OPTIONS)
+def advance(q, F, conditions, section, grid, system, path, control, q_new, F_new):
+    """See `warm_step.advance`."""
+    return warm_step.advance(
+        q, F, Conditions(*conditions), Section(*section), grid_of(grid), system_of(system), Path(*path),
+        StepControl(*control), q_new, F_new,
+    )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def linearize(q, F, f, section, grid, system, full):
+    """Gradient and, if `full`, Hessian of a free rod, see `energy_kernels`.
+
+    Args:
+        q, F: (n, 4) nodal frames, (3,) end force.
+        f: (3,) load per length.
+        section, grid: of `Section` and `Grid`.
+        system: of `System`; evaluation and tangents are overwritten.
+        full: whether to compute the Hessian.
+    """
+    section, grid, system = Section(*section), grid_of(grid), system_of(system)
+    Fe = spread(F, grid.h)
+    system.evaluation.acc[:] = 0.0
+    gradient(q, Fe, f, section, grid, system.evaluation)
+    if full:
+        hessian(q, Fe, f, section, grid, system.evaluation.radial, system.tangents)
+
+
+@njit(**OPTIONS)
+def factor(mu, order, system):
+    """See `bordered.factor`."""
+    system = system_of(system)
+    return bordered.factor(system.tangents, mu, order, system.factors)
+
+
+@njit(**OPTIONS)
+def saddle_step(g, c, order, system, s, dF):
+    """See `bordered.saddle_step`."""
+    system = system_of(system)
+    bordered.saddle_step(g, c, system.tangents.C, order, system.factors, s, dF)
+
+
+@njit(**OPTIONS)
+def margin(elastic, V, count, order, factors, mode, waves, repeats):
+    """See `error_estimate.margin`."""
+    return error_estimate.margin(elastic, V, count, order, Factors(*factors), mode, waves, repeats)
+
+
+@njit(**OPTIONS)
+def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, estimate):
+    """See `error_estimate.error`."""
+    tables, bubble = enrichment
+    return error_estimate.error(
+        q, Fe, Conditions(*conditions), Section(*section), grid_of(grid),
+        Enrichment(Tables(*tables), bubble), system_of(system), ConstraintRows(*rows), count,
+        Estimate(*estimate),
+    )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def clamp_response(q, F, conditions, grid, system):
+    """See `clamp_stiffness.clamp_response`."""
+    return clamp_stiffness.clamp_response(q, F, Conditions(*conditions), grid_of(grid), system_of(system))
+
+
+@njit(**OPTIONS)
+def border_factor(mu, system, V, delta, count, equalities):
+    """See `bordered.border_factor`."""
+    system = system_of(system)
+    order = system.tangents.elastic.shape[1] // 3 - 1
+    return bordered.border_factor(system.tangents, mu, order, system.factors, V, delta, count, equalities)
+
+
+@njit(**OPTIONS)
+def border_step(g, c, V, count, order, factors, s, y):
+    """See `bordered.border_step`."""
+    bordered.border_step(g, c, V, count, order, Factors(*factors), s, y)
+
+
+@njit(**OPTIONS)
+def advance_stretching(q, F, conditions, section, stretch, grid, system, control, q_new, F_new):
+    """See `extensible_step.advance_stretching`."""
+    return extensible_step.advance_stretching(
+        q, F, Conditions(*conditions), Section(*section), Stretch(*stretch), grid_of(grid), system_of(system),
+        StepControl(*control), q_new, F_new,
+    )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def stretch_linearize(q, F, f, section, stretch, grid, system, full):
+    """See `extensible_step.stretch_linearize`."""
+    extensible_step.stretch_linearize(
+        q, F, f, Section(*section), Stretch(*stretch), grid_of(grid), system_of(system), full
+    )
+
+
+@njit(**OPTIONS)
+def stretch_factor(system, reach, mu, order):
+    """See `extensible_step.stretch_factor`."""
+    return extensible_step.stretch_factor(system_of(system), reach, mu, order)
+
+
+@njit(**OPTIONS)
+def stretch_gradient(q, Fe, f, grid, stretch, acc):
+    """See `extensible_kernels.stretch_gradient`."""
+    extensible_kernels.stretch_gradient(q, Fe, f, grid_of(grid), Stretch(*stretch), acc)
+
+
+@njit(**OPTIONS)
+def moments(right, s, dF, qe, tangents):
+    """See `extensible_step.moments`."""
+    return extensible_step.moments(right, s, dF, qe, Tangents(*tangents))
