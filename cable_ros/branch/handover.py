@@ -7,7 +7,8 @@ import numpy as np
 
 from cable_ros.branch.cold_start import Conditions, Found, first_mesh, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
-from cable_ros.contact.nodal_rod import NodalRod, places_for
+from cable_ros.contact.nodal_contacts import places_for
+from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE

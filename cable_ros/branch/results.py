@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from cable_ros.rod import output, quaternion
 from cable_ros.rod.elements import Mesh, integrals, sampling
 from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import Rod
-from cable_ros.rod.rod_state import Sampling
 from cable_ros.rod.units import Units
 
 
@@ -36,7 +36,7 @@ class Reader:
     """Reads wrenches, points and frames of the centreline off rods; keeps the table of the last mesh."""
 
     def __init__(self) -> None:
-        self._known: tuple[Mesh, int, Sampling] | None = None
+        self._known: tuple[Mesh, int, Units, tuple[Any, ...]] | None = None
 
     def read(
         self, rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, count: int
@@ -53,19 +53,19 @@ class Reader:
         """
         end_wrench, start_wrench = np.empty(6), np.empty(6)
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
-        out = end_wrench, start_wrench, points, orientations
-        scale, forces = (unit.force, unit.moment, unit.length), (F, rod.f, rod.held(), rod.qe, rod.g)
+        out, contact = (end_wrench, start_wrench, points, orientations), rod.held()
         if isinstance(rod, TouchingRod) and rod.count:
-            element = rod.mesh.element
-            output.read_anywhere(q, forces, (rod.h, rod.s0), integrals(element.order), start, scale, out)
+            table = (unit.force, unit.moment, unit.length), integrals(rod.mesh.element.order)
+            output.read_anywhere(q, (rod.h, rod.s0), start, F, rod.f, contact, rod.qe, rod.g, table, out)
             return out
         known = self._known
-        if known is None or known[0] is not rod.mesh or known[1] != count:
-            self._known = known = rod.mesh, count, sampling(rod.mesh, count)
-        table = known[2]
-        output.read(q, forces, rod.h, tuple(table), start, scale, out)
+        if known is None or known[0] is not rod.mesh or known[1] != count or known[2] is not unit:
+            scale = unit.force, unit.moment, unit.length
+            self._known = known = rod.mesh, count, unit, (scale, tuple(sampling(rod.mesh, count)))
+        table = known[3]
+        output.read(q, rod.h, start, F, rod.f, contact, rod.qe, rod.g, table, out)
         if isinstance(rod, StretchingRod):
-            rod.stretch_points(q, F, table, start, unit.length, points)
+            rod.stretch_points(q, F, table[1], start, unit.length, points)
         return out
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_ros.contact.contact_entry_points import active_set_newton
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.fixed_set import BorderedRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.meshing import fitted, layered
-from cable_ros.contact.newton import solve
 from cable_ros.contact.patches import resample
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -125,7 +125,7 @@ class ActiveSetRod(BorderedRod):
             last = q, F, self.f, self.obstacles, self.count, self.rows, self.ready, self.settled is q
             factors = self.A, self.L, self.pivots, Y, S
             options = self.model, self.direction, self.samples, self.depth, self.give, self.finest()
-            code, iterations, self.count, self.rows, moved, turned = solve(
+            code, iterations, self.count, self.rows, moved, turned = active_set_newton(
                 last, (qe, re, f), obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
                 options, (tolerance, limit, self.drift, self.refresh), (q_new, F_new),
             )  # fmt: skip

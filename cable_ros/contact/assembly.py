@@ -2,8 +2,8 @@
 """Compiled: the bordered (KKT) system of a cable that touches.
 
 The unknowns of a contact point are its normal force and its arc length, those of the end of a contact patch
-the couple that holds its slope, too (see `patches.move_ends`); they are eliminated as constraint rows of the
-rod's banded system. Units of the cable, start clamp's frame.
+the couple that holds its slope, too (see `patch_ends.move_ends`); they are eliminated as constraint rows of
+the rod's banded system. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.contact.contact_state import KKT, ContactSet, History, PointTerms, Shape, surface
+from cable_ros.contact.contact_state import PointTerms, surface
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, across, pull
 from cable_ros.contact.friction_kernels import (
     ACROSS,
@@ -40,13 +40,18 @@ from cable_ros.contact.points import (
     STICK_ROW,
     YIELD,
 )
-from cable_ros.linalg.bordered import Factors
 from cable_ros.linalg.copies import copy
-from cable_ros.rod.centreline import find_element, position, tangent
+from cable_ros.rod.centreline import (
+    find_element,
+    increments,
+    interpolate_frame,
+    position,
+    tangent,
+    tangent_derivative,
+    weight_up_to,
+)
 from cable_ros.rod.centreline import shape as shape_functions
-from cable_ros.rod.energy_kernels import gradient, hessian, increments, tangent_derivative
-from cable_ros.rod.entry_points import grid_of
-from cable_ros.rod.rod_state import ConstraintRows, Evaluation, Section, Tangents
+from cable_ros.rod.energy_kernels import gradient, hessian
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -94,25 +99,6 @@ def point_forces(shape, F, contacts, count, Fe, acc):
             for j in range(order + 1):
                 for a in range(4):
                     acc[e * order + j, a] += N[k, j] * gT[a]
-
-
-@njit(**OPTIONS)
-def point_forces_from_python(shape, F, contacts, count, Fe, acc):
-    """`point_forces` with groups as plain tuples, see `rod.entry_points`."""
-    q, c, grid = shape
-    point_forces(Shape(q, c, grid_of(grid)), F, ContactSet(*contacts), count, Fe, acc)
-
-
-@njit(**LEAF)
-def weight_up_to(primitives, k, x):
-    """Weight of the tangent at Gauss point k in the displacement from the element's start to x in [0, 1].
-
-    `primitives` is that of `Tables`.
-    """
-    v = 0.0
-    for m in range(primitives.shape[0] - 1, -1, -1):
-        v = (v + primitives[m, k]) * x
-    return v
 
 
 @njit(**OPTIONS)
@@ -165,9 +151,11 @@ def point_terms(size):
 
 @njit(**OPTIONS)
 def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
-    """Gaps, normals, friction and `terms` of the contact points; see `assemble_kkt` for the arguments.
+    """Gaps, normals and friction of the contact points; the number of those that began to stick or to slip.
 
-    Returns the number of points that began to stick or to slip.
+    Args:
+        shape, obstacles, history, contacts, count, initial: as in `assemble_kkt`.
+        terms: `PointTerms`, all zero, overwritten.
     """
     points, gaps, normals = contacts
     at = surface()
@@ -205,9 +193,15 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
 
 @njit(**OPTIONS)
 def update_constraints(contacts, count, terms, rows):
-    """The constraints of `contacts` after the gaps, for constraint rows that are kept.
+    """The constraints after the gaps, for constraint rows that are kept.
 
-    Returns whether friction is about as stiff as in those rows. The arguments are `assemble_kkt`'s.
+    Args:
+        contacts, count: as in `assemble_kkt`.
+        terms: `PointTerms` of the contact points.
+        rows: `ConstraintRows`.
+
+    Returns:
+        Whether friction is about as stiff as in those rows.
     """
     points, gaps, _ = contacts
     as_stiff = True
@@ -225,7 +219,14 @@ def update_constraints(contacts, count, terms, rows):
 def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
     """Constraint rows of all contact points, and what their forces add to the geometric stiffness.
 
-    Returns the number of rows and whether V and W are the same. The arguments are `assemble_kkt`'s.
+    Args:
+        shape, obstacles, contacts, count: as in `assemble_kkt`.
+        terms: `PointTerms` of the contact points.
+        tangents: `Tangents`.
+        rows: `ConstraintRows`, overwritten.
+
+    Returns:
+        The number of rows, and whether V and W are the same.
     """
     q, _, (h, s0, tables) = shape
     points, gaps, normals = contacts
@@ -350,23 +351,6 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
     return total, same
 
 
-@njit(**OPTIONS)
-def assemble_kkt_from_python(shape, forces, section, obstacles, history, contacts, count, kkt):
-    """`assemble_kkt` with groups as plain tuples, see `rod.entry_points`; full, with friction as it is.
-
-    Returns the number of constraint rows.
-    """
-    q, c, grid = shape
-    evaluation, tangents, rows, factors = kkt
-    total, _, _ = assemble_kkt(
-        Shape(q, c, grid_of(grid)), forces, Section(*section), obstacles, History(*history),
-        ContactSet(*contacts), count,
-        KKT(Evaluation(*evaluation), Tangents(*tangents), ConstraintRows(*rows), Factors(*factors)), True,
-        False,
-    )  # fmt: skip
-    return total
-
-
 @njit(**LEAF)
 def stick_constraints(points, i, misfits, lines, gaps):
     """Misfit of the spring of point i, if it sticks, along the directions of its two constraint rows.
@@ -389,24 +373,6 @@ def row(V, at, v, by_position):
     """V[at] = v times by_position, of V (rows, 3n), v (3,), by_position (3, 3n)."""
     for j in range(by_position.shape[1]):
         V[at, j] = v[0] * by_position[0, j] + v[1] * by_position[1, j] + v[2] * by_position[2, j]
-
-
-@njit(**LEAF)
-def interpolate_frame(q, first, order, N, frame, qs, D):
-    """Interpolated quaternion and its derivative by the nodal rotations of an element.
-
-    Args:
-        q, first, order: (n, 4) nodal frames, the element's first node and order p.
-        N: (p + 1,) shape functions.
-        frame: (4, 3 (p + 1)) derivatives of the nodal quaternions, see `energy_kernels.increments`.
-        qs, D: (4,), (4, 3 (p + 1)) receive the results.
-    """
-    for a in range(4):
-        qs[a] = 0.0
-        for j in range(order + 1):
-            qs[a] += N[j] * q[first + j, a]
-            for m in range(3 * j, 3 * j + 3):
-                D[a, m] = N[j] * frame[a, m]
 
 
 @njit(**LEAF)

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import LEAF, njit
 from cable_ros.linalg.bordered import Factors
-from cable_ros.rod.rod_state import ConstraintRows, Evaluation, Grid, Tangents
+from cable_ros.rod.rod_state import ConstraintRows, Evaluation, Grid, Tangents, grid_of
 
 
 class Shape(NamedTuple):
@@ -148,3 +148,17 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 def surface() -> Surface:
     """A new `Surface`."""
     return Surface(np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3)), np.empty(2))
+
+
+@njit(inline="always", **LEAF)
+def shape_of(shape):  # type: ignore[no-untyped-def]
+    """`Shape` of the tuple `shape`: q, c, and the fields of `Grid`."""
+    q, c, grid = shape
+    return Shape(q, c, grid_of(grid))
+
+
+@njit(inline="always", **LEAF)
+def kkt_of(kkt):  # type: ignore[no-untyped-def]
+    """`KKT` of the tuple `kkt`: the fields of `Evaluation`, `Tangents`, `ConstraintRows` and `Factors`."""
+    evaluation, tangents, rows, factors = kkt
+    return KKT(Evaluation(*evaluation), Tangents(*tangents), ConstraintRows(*rows), Factors(*factors))

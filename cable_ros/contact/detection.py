@@ -11,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.contact.contact_state import Shape, surface
+from cable_ros.contact.contact_state import shape_of, surface
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, gap
 from cable_ros.contact.interfaces import gap_at, lowest
-from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, lay, sample, settle
+from cable_ros.contact.patch_ends import settle
+from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, make_patch, sample
 from cable_ros.contact.points import (
     APART,
     ARC_LENGTH,
@@ -29,7 +30,7 @@ from cable_ros.contact.points import (
     remove,
 )
 from cable_ros.rod.centreline import curve, find_element, position
-from cable_ros.rod.entry_points import grid_of
+from cable_ros.rod.rod_state import grid_of
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -124,7 +125,7 @@ def flatten(shape, spacing, obstacles, give, points, count):
             if curvature < 0.0 and -2.67 * curvature**3 > give * P**2:
                 points[i, ARC_LENGTH] = s
                 half = min(-2.0 * curvature / P, half, 0.45 * s, 0.45 * (1.0 - s))
-                count = lay(points, count, o, s - half, s + half)
+                count = make_patch(points, count, o, s - half, s + half)
                 changed = True
                 i = 0
                 continue
@@ -267,7 +268,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             elif near >= 0:
                 # two minima closer than the samples can tell: the cable begins to lie on the surface
                 place = points[near, ARC_LENGTH]
-                count = lay(points, count, o, min(s, place), max(s, place))
+                count = make_patch(points, count, o, min(s, place), max(s, place))
             else:
                 first, last = k, k
                 while first > 1 and phi[o, first - 1] < -depth:
@@ -277,7 +278,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                 if samples[last] - samples[first] > LONG * spacing:
                     low = 0.0 if first == 1 and grounded(c, h, s0, obstacles[o], 0.0) else samples[first]
                     high = 1.0 if last == m - 2 and grounded(c, h, s0, obstacles[o], 1.0) else samples[last]
-                    count = lay(points, count, o, low, high)
+                    count = make_patch(points, count, o, low, high)
                 else:
                     count = add(points, count, o, s, POINT)
             changed = True
@@ -363,8 +364,7 @@ def dips(shape, samples, obstacles, phi, depth):
         phi: (o, m) gaps at the samples, L.
         depth: L.
     """
-    q, c, grid = shape
-    shape = Shape(q, c, grid_of(grid))
+    shape = shape_of(shape)
     at = surface()
     for o in range(obstacles.shape[0]):
         slope = np.nan

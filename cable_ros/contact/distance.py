@@ -197,7 +197,7 @@ def gaps(obstacles: np.ndarray, r: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def nearest(obstacles: np.ndarray, r: np.ndarray) -> tuple[float, int]:
-    """The smallest of `gaps` and which obstacle's it is."""
+    """The smallest of the `gaps` of the point r (3,) to the obstacles (n, WIDTH), and which obstacle's."""
     distances = gaps(obstacles, r)
     which = int(np.argmin(distances))
     return float(distances[which]), which

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cable_ros.contact.assembly import assemble_kkt_from_python, nodal, point_forces_from_python
+from cable_ros.contact.assembly import nodal
+from cable_ros.contact.contact_entry_points import assemble_kkt, point_forces
 from cable_ros.contact.detection import dips, scan
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
@@ -91,7 +92,6 @@ class BorderedRod(Rod):
     def _allocate(self, mesh: Mesh) -> None:
         super()._allocate(mesh)
         n = self.elastic.shape[0]
-        self.h, self.s0 = self.h.copy(), self.s0.copy()
         # nothing is read of these that was not written: megabytes, of which few rows are ever used
         self.V, self.W, self.borders = np.empty((ROWS, n)), np.empty((ROWS, n)), np.empty((ROWS, n))
         self.lines, self.upto = np.zeros((ROWS, 3)), np.zeros(ROWS, np.int64)
@@ -216,7 +216,7 @@ class BorderedRod(Rod):
     def assemble(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
         """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
         history = model, self.direction, self.c, self.h, self.s0, self.obstacles
-        return int(assemble_kkt_from_python(
+        return int(assemble_kkt(
             self.shape(q), (F, self.f), self.section, self.obstacles, history, self.contacts, self.count,
             self.kkt(self._factors(self.complement)),
         ))  # fmt: skip
@@ -286,7 +286,7 @@ class BorderedRod(Rod):
             return super().wrench_error(q, F)
         self._judge()
         Fe, residual = np.empty((len(self.h), 3)), np.empty(self.g.size)
-        point_forces_from_python(self.shape(q), F, self.contacts, self.count, Fe, self.acc)
+        point_forces(self.shape(q), F, self.contacts, self.count, Fe, self.acc)
         nodal(q, self.acc, residual)
         self.trace(q)
         boundaries = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])

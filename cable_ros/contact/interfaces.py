@@ -10,12 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.contact.contact_state import Shape, surface
+from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import gap
 from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT, SAMPLE
 from cable_ros.rod.centreline import curve, direction, position
 from cable_ros.rod.centreline import shape as shape_functions
-from cable_ros.rod.entry_points import grid_of
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -74,13 +73,6 @@ def lowest(shape, s, reach, obstacle):
             return new
         s = new
     return s
-
-
-@njit(**OPTIONS)
-def lowest_from_python(shape, s, reach, obstacle):
-    """`lowest` with the shape as a plain tuple, see `rod.entry_points`."""
-    q, c, grid = shape
-    return lowest(Shape(q, c, grid_of(grid)), s, reach, obstacle)
 
 
 @njit(**LEAF)
@@ -155,7 +147,7 @@ def move_interface(q, grid, boundary, s, before, after):
 def own_interface(points, count, i, h, s0):
     """Give contact point i the nearest free boundary that can move to it, or none; whether it has one.
 
-    The other arguments are `room`'s.
+    `points`, `count`, `h`, `s0`: as in `room`.
     """
     s = points[i, ARC_LENGTH]
     best, distance = -1, np.inf

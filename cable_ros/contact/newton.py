@@ -7,15 +7,15 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.contact.assembly import assemble_kkt
-from cable_ros.contact.contact_state import KKT, ContactSet, History, Last, Options, Shape
+from cable_ros.contact.contact_state import History, Shape
 from cable_ros.contact.detection import flatten, update_active_set
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.interfaces import place_points
-from cable_ros.contact.patches import SAMPLES, coarse, cover, fill, move_ends, shrink
+from cable_ros.contact.patch_ends import move_ends, shrink
+from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
 from cable_ros.contact.points import BEFORE, FORCE, FRICTION, KIND, POINT, SAMPLE, SLOPE_ROW, STICK_ROW
 from cable_ros.linalg import banded
 from cable_ros.linalg.bordered import (
-    Factors,
     border_factor,
     border_solve,
     complement,
@@ -25,8 +25,6 @@ from cable_ros.linalg.bordered import (
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import curve
-from cable_ros.rod.entry_points import grid_of
-from cable_ros.rod.rod_state import Conditions, ConstraintRows, Evaluation, Section, StepControl, Tangents
 from cable_ros.rod.warm_step import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -245,15 +243,3 @@ def correct_forces(points, count, y, lines, F):
         if points[i, KIND] == POINT and points[i, SLOPE_ROW] > 0.0:
             couple = max(couple, abs(y[int(points[i, SLOPE_ROW])]))
     return change, couple, scale
-
-
-@njit(**OPTIONS)
-def solve(last, conditions, obstacles, section, grid, contacts, kkt, options, control, new):
-    """`active_set_newton` with its groups as plain tuples, see `rod.entry_points`."""
-    evaluation, tangents, rows, factors = kkt
-    return active_set_newton(
-        Last(*last), Conditions(*conditions), obstacles, Section(*section), grid_of(grid),
-        ContactSet(*contacts),
-        KKT(Evaluation(*evaluation), Tangents(*tangents), ConstraintRows(*rows), Factors(*factors)),
-        Options(*options), StepControl(*control), new,
-    )  # fmt: skip

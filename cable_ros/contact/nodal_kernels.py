@@ -164,7 +164,12 @@ def contact_frames(state, obstacles, frames, normals, forces):
 
 @njit(**OPTIONS)
 def residuals(state, model, step, work):
-    """Residuals of all equations at a `State` of a `Model` in a `Step`; `work` (`Work`) receives them."""
+    """Residuals of all equations.
+
+    Args:
+        state, model, step: `State`, `Model` and `Step`.
+        work: `Work`, which receives the residuals.
+    """
     q, r, F = state.q, state.r, state.F
     h, tables = model.grid.h, model.grid.tables
     evaluation = work.evaluation
@@ -198,7 +203,7 @@ def residuals(state, model, step, work):
 
 @njit(**OPTIONS)
 def press(state, step, work):
-    """The contacts' part of `residuals`, with the same arguments."""
+    """The contacts' part of `residuals`; `state`, `step`, `work` as there."""
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
     n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)

@@ -67,7 +67,13 @@ def _condensed(contacts: np.ndarray) -> np.ndarray:
 
 @njit(**OPTIONS)
 def _softest(elastic, geometric, parts, places, K, start, iterations):
-    """See `softest`; contacts of the stiffness K (c, 3, 3) at the boundaries `places` (c,)."""
+    """See `softest`.
+
+    Args:
+        elastic, geometric, parts: of `Tangents`.
+        places, K: boundaries (c,) at which contacts are, and their stiffness (c, 3, 3).
+        start, iterations: as in `softest`.
+    """
     m, nd = parts.shape[0], parts.shape[2]
     order = nd // 3 - 1
     block = 3 * (order + 1)
@@ -151,7 +157,7 @@ def _factor(a, width):
 
 @njit(**LEAF)
 def _solve(a, width, x):
-    """Solve in place, x (n,), with the factor of `_factor`."""
+    """Solve in place, x (n,), with the factor a (n, width + 1) of `_factor`."""
     n = a.shape[0]
     for i in range(n):
         v = x[i]

@@ -156,7 +156,12 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
 
 @njit(**OPTIONS)
 def press_tangent(state, step, rows, a, b, low):
-    """The contacts' part of `jacobian`; `low`: the bandwidth."""
+    """The contacts' part of `jacobian`.
+
+    Args:
+        state, step, rows, a, b: as in `jacobian`.
+        low: the bandwidth.
+    """
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
     rho, grip = step.normal, step.tangential
     n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)

@@ -46,7 +46,10 @@ def closest_between(
 
 @njit(cache=True)
 def _closest(a, b, step_a, step_b, skip, needed):  # type: ignore[no-untyped-def]
-    """Smallest distance of segments; with `skip` >= 0 of those of one polyline, so many points apart.
+    """Smallest distance of the segments of two polylines, or of two parts of one; see `closest_between`.
+
+    `a`, `b`, `step_a`, `step_b`, `needed`: as there; `skip`: how many points the parts of one polyline are
+    apart at least, negative for two polylines.
 
     First of points, then of the segments about pairs of points that are little farther apart: the nearest
     points of two segments are within half of each of some of their ends. Points as far apart as d leave out
@@ -97,7 +100,7 @@ def _between(a, m, b, n):  # type: ignore[no-untyped-def]
 
 @njit(**LEAF)
 def _apart(poses, i, k):  # type: ignore[no-untyped-def]
-    """Distance of the middles between the clamps of cables i and k."""
+    """Distance of the middles between the clamps of cables i and k, with `poses` (cables, 2, 7)."""
     d = 0.0
     for a in range(3):
         d += (0.5 * (poses[i, 0, a] + poses[i, 1, a] - poses[k, 0, a] - poses[k, 1, a])) ** 2

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.contact_entry_points import lowest
 from cable_ros.contact.detection import press
 from cable_ros.contact.friction_kernels import FRICTIONLESS
-from cable_ros.contact.interfaces import lowest_from_python
 from cable_ros.contact.patches import grounded
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -120,7 +120,7 @@ def _contacts(
     template[OBSTACLE], template[INTERFACE] = obstacle, -1.0
     if high - low < (LONGEST_POINT - 0.5) * spacing:
         deepest = places[np.argmax(forces)]
-        template[ARC_LENGTH] = lowest_from_python(rod.shape(q), deepest, 0.5 * spacing, ob)
+        template[ARC_LENGTH] = lowest(rod.shape(q), deepest, 0.5 * spacing, ob)
         template[FORCE] = total
         return [template]
     out = []

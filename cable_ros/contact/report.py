@@ -54,7 +54,7 @@ def contact_table(
 
 @njit(cache=True)
 def _positions(c: np.ndarray, h: np.ndarray, s0: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Positions (n, 3) at the arc lengths `places` (n,) of a `curve`."""
+    """Positions (n, 3) at the arc lengths `places` (n,), with c, h, s0 as in `centreline.position`."""
     out = np.empty((places.shape[0], 3))
     for i in range(places.shape[0]):
         position(c, h, s0, places[i], out[i])

@@ -6,13 +6,20 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.assembly import interpolate_frame, weight_up_to
 from cable_ros.contact.distance import gap
 from cable_ros.linalg import banded
-from cable_ros.rod.centreline import direction, find_element, position, tangent
+from cable_ros.rod.centreline import (
+    direction,
+    find_element,
+    increments,
+    interpolate_frame,
+    position,
+    tangent,
+    tangent_derivative,
+    weight_up_to,
+)
 from cable_ros.rod.centreline import shape as shape_functions
-from cable_ros.rod.energy_kernels import increments, tangent_derivative
-from cable_ros.rod.entry_points import grid_of
+from cable_ros.rod.rod_state import grid_of
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 

@@ -33,7 +33,12 @@ def travel(
     qe: np.ndarray, re: np.ndarray, obstacles: np.ndarray, qe2: np.ndarray, re2: np.ndarray,
     obstacles2: np.ndarray,
 ) -> float:  # fmt: skip
-    """Largest motion of the end clamp and the obstacles (o, WIDTH) in the start clamp's frame, lengths."""
+    """Largest motion of the end clamp and the obstacles in the start clamp's frame, L.
+
+    Args:
+        qe, re, obstacles: end frame (4,), end position (3,) and obstacles (o, WIDTH) before.
+        qe2, re2, obstacles2: the same after.
+    """
     straight, back, out = 0.0, 0.0, 0.0
     for i in range(4):
         straight = max(straight, abs(qe[i] - qe2[i]))

@@ -71,12 +71,12 @@ def inner(v, s):
 
 
 @njit(**LEAF)
-def relax(g, order, factors, s):
-    """s = -H^-1 g, s and g (3n,), at the inner nodes, 0 at the ends; with the `Factors` of H."""
+def relax(g, order, U, pivots, s):
+    """s = -H^-1 g, s and g (3n,), at the inner nodes, 0 at the ends; `order`, `U`, `pivots`: of H."""
     n = s.shape[0]
     for i in range(n):
         s[i] = -g[i] if 3 <= i < n - 3 else 0.0
-    banded.solve(factors.U, factors.pivots, 3, n - 3, order, s)
+    banded.solve(U, pivots, 3, n - 3, order, s)
 
 
 @njit(**LEAF)
@@ -125,7 +125,8 @@ def negative3(S):
 def schur(tangents, mu, order, factors):
     """Factor H + mu D and form S = C (H + mu D)^-1 C^T, both in `factors`, of 3 rows.
 
-    Returns the number of negative eigenvalues of H + mu D and the pivots' worst quality.
+    Returns the number of negative eigenvalues of H + mu D and the pivots' worst quality. `tangents`, `order`:
+    see this file's first lines.
     """
     C = tangents.C
     negative, worst = shift(tangents, mu, order, factors)
@@ -144,7 +145,7 @@ def schur(tangents, mu, order, factors):
 
 @njit(**LEAF)
 def shift(tangents, mu, order, factors):
-    """Factor H + (NEUTRAL + mu) D in `factors`; the number of negative eigenvalues, the pivots' quality."""
+    """Factor H + (NEUTRAL + mu) D, of `tangents` and `order`, in `factors`; returns as `schur`."""
     elastic, geometric = tangents.elastic, tangents.geometric
     A = factors.A
     n = A.shape[0]
@@ -159,7 +160,13 @@ def factor(tangents, mu, order, factors):
     """Factor the saddle system of H + mu D; whether that is positive on the end condition's tangent space.
 
     The matrix has the inertia of H + mu D and that of -S together; a strict minimum has three negative
-    eigenvalues in all (Gould 1985). `factors` (`Factors`) is overwritten.
+    eigenvalues in all (Gould 1985).
+
+    Args:
+        tangents: `rod_state.Tangents`.
+        mu: weight of D.
+        order: of the elements.
+        factors: `Factors` of 3 rows, overwritten.
     """
     negative, worst = schur(tangents, mu, order, factors)
     return worst > SINGULAR and negative3(factors.S) == negative
@@ -176,7 +183,7 @@ def saddle_step(g, c, C, order, factors, s, dF):
         factors: as `factor` leaves them.
         s, dF: receive the step.
     """
-    relax(g, order, factors, s)
+    relax(g, order, factors.U, factors.pivots, s)
     missing(c, C, 3, s, dF)
     solve3(factors.S, dF, dF)
     respond(factors.Y, 3, dF, s)
@@ -255,10 +262,15 @@ def complement_factors(S, count):
 
 @njit(**OPTIONS)
 def border_solve(g, c, V, order, factors, small, swaps, s, y):
-    """`border_step` with `small` and `swaps` (count,), what `complement_factors` made of the complement."""
+    """`border_step` with factors of the complement.
+
+    Args:
+        g, c, V, order, factors, s, y: as in `border_step`.
+        small, swaps: (count, count), (count,) what `complement_factors` made of the complement.
+    """
     count = swaps.shape[0]
     b = np.empty(count)
-    relax(g, order, factors, s)
+    relax(g, order, factors.U, factors.pivots, s)
     missing(c, V, count, s, b)
     if count == 3:
         solve3(small, b, y)
@@ -286,7 +298,7 @@ def border_step(g, c, V, count, order, factors, s, y):
 def end_coupling(tangents, V, count, theta, g, c):
     """Add to g (3n,) and c (count,) what turning the end section by theta (3,) does to them.
 
-    V (rows, 3n) holds `count` constraint rows.
+    V (rows, 3n) holds `count` constraint rows, `tangents` is a `rod_state.Tangents`.
     """
     elastic, geometric = tangents.elastic, tangents.geometric
     n, band = elastic.shape[0], elastic.shape[1] - 1
@@ -303,7 +315,7 @@ def end_coupling(tangents, V, count, theta, g, c):
 def end_rows(tangents, V, count, s, y):
     """(3,) what the step s (3n,), y (count,), s = 0 at the end, adds to the gradient at the end node.
 
-    V (rows, 3n) holds `count` constraint rows.
+    V (rows, 3n) holds `count` constraint rows, `tangents` is a `rod_state.Tangents`.
     """
     elastic, geometric = tangents.elastic, tangents.geometric
     n, band = elastic.shape[0], elastic.shape[1] - 1

@@ -109,5 +109,5 @@ def clamp_response(q, F, conditions, grid, system):
 
 @njit(**LEAF)
 def _cross(a, b):
-    """The cross product of two vectors (3,), as a tuple."""
+    """The cross product of two vectors a, b (3,), as a tuple."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
+from cable_ros.rod.centreline import increments, tangent_derivative
 from cable_ros.rod.elements import LANES
 from cable_ros.rod.rod_state import ENERGY, TWIST
 
@@ -71,13 +72,17 @@ def strain(q, dq, K, natural, G):
 
 
 @njit(**LEAF)
-def interpolate(q, F, f, grid, lanes):
+def interpolate(q, F, f, h, s0, points, by_point, lanes):
     """Frame, slope and force at all points, side by side, in `lanes` (blocks + 1, ROWS * LANES).
 
-    A block holds LANES points of one element, number by number. The other arguments are `gradient`'s.
+    A block holds LANES points of one element, number by number.
+
+    Args:
+        q, F, f: as in `gradient`.
+        h, s0: of `Grid`.
+        points, by_point: of `Tables`.
+        lanes: see `workspace`.
     """
-    h, s0, tables = grid
-    points, by_point = tables.points, tables.by_point
     blocks, order = by_point.shape[1], by_point.shape[2] - 1
     width = by_point.shape[3]
     for e in range(h.shape[0]):
@@ -105,13 +110,12 @@ def interpolate(q, F, f, grid, lanes):
 
 
 @njit(**LEAF)
-def sections(lanes, section):
+def sections(lanes, K, natural):
     """`strain` at every point of `interpolate`, side by side; the last block is not one of them.
 
     In `lanes` the gradient of the density by q and by dq takes the place of frame and slope, the tangent that
-    of the force, then follow elastic energy and twist. `section` is a `Section`.
+    of the force, then follow elastic energy and twist. `K`, `natural`: of `Section`.
     """
-    K, natural = section
     K, natural = (K[0], K[1], K[2]), (natural[0], natural[1], natural[2])
     for block in range(lanes.shape[0] - 1):
         v = lanes[block]
@@ -130,13 +134,16 @@ def sections(lanes, section):
 
 
 @njit(**LEAF)
-def integrate(lanes, f, grid, totals):
+def integrate(lanes, f, h, s0, points, weights, totals):
     """Sum over the points of `sections`: end position (3), energy and twist in `totals` (5,).
 
-    `lanes` are those of `sections`, `f` and `grid` `gradient`'s.
+    Args:
+        lanes: as `sections` leaves them.
+        f: (3,) load per length.
+        h, s0: of `Grid`.
+        points, weights: of `Tables`.
+        totals: of `Evaluation`, overwritten.
     """
-    h, s0, tables = grid
-    points, weights = tables.points, tables.weights
     blocks = lanes.shape[0] // h.shape[0]
     t0, t1, t2, energy, twist = 0.0, 0.0, 0.0, 0.0, 0.0
     for e in range(h.shape[0]):
@@ -233,37 +240,6 @@ def second(q, dq, G, density, weight, k8, H):
             H[i, j] = H[j, i]
 
 
-@njit(**LEAF)
-def tangent_derivative(q, t, weight, D, C, first, count):
-    """Add the tangent's derivative along `count` columns of D to C (3, ...) from column `first` on.
-
-    Component a is (2 / n) (S_a q - t_a q), with t_a = q.S_a q / n.
-
-    Args:
-        q, t: (4,), (3,) quaternion of any length and its tangent.
-        weight: comes with the 2 / n.
-        D: (4, ...) derivatives of q.
-        C: receives the sum.
-        first, count: columns.
-    """
-    w, x, y, z = weight * q[0], weight * q[1], weight * q[2], weight * q[3]
-    for j in range(count):
-        p0, p1, p2, p3 = D[0, j], D[1, j], D[2, j], D[3, j]
-        pq = p0 * w + p1 * x + p2 * y + p3 * z
-        C[0, first + j] += p0 * y + p1 * z + p2 * w + p3 * x - t[0] * pq
-        C[1, first + j] += -p0 * x - p1 * w + p2 * z + p3 * y - t[1] * pq
-        C[2, first + j] += p0 * w - p1 * x - p2 * y + p3 * z - t[2] * pq
-
-
-@njit(**LEAF)
-def increments(q, c, out):
-    """Derivative (4, 3) of the quaternion q (4,) by its rotation vector, in `out` (4, ...) from column c."""
-    w, x, y, z = 0.5 * q[0], 0.5 * q[1], 0.5 * q[2], 0.5 * q[3]
-    out[0, c], out[1, c], out[2, c], out[3, c] = -x, w, z, -y
-    out[0, c + 1], out[1, c + 1], out[2, c + 1], out[3, c + 1] = -y, -z, w, x
-    out[0, c + 2], out[1, c + 2], out[2, c + 2], out[3, c + 2] = -z, y, -x, w
-
-
 @njit(**OPTIONS)
 def workspace(h, by_point):
     """The `lanes` that `gradient` works in: a block for every LANES points of an element, and one more.
@@ -290,10 +266,10 @@ def gradient(q, F, f, section, grid, evaluation):
         evaluation: `Evaluation`; `acc` comes with what else pulls at the nodal quaternions, zero without.
     """
     acc, g, radial, totals, lanes = evaluation
-    h, _, tables = grid
-    interpolate(q, F, f, grid, lanes)
-    sections(lanes, section)
-    integrate(lanes, f, grid, totals)
+    h, s0, tables = grid
+    interpolate(q, F, f, h, s0, tables.points, tables.by_point, lanes)
+    sections(lanes, section.K, section.natural)
+    integrate(lanes, f, h, s0, tables.points, tables.weights, totals)
     assemble(lanes, h, tables.by_node, acc)
     for i in range(q.shape[0]):
         w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]

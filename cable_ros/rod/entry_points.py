@@ -3,7 +3,7 @@
 
 Each function is the one of its name elsewhere, but takes the groups of `rod_state` as plain tuples: Numba
 takes a NamedTuple from Python field by field, by name, which costs ten times as much. Tuples that stand for a
-group have its fields in order.
+group have its fields in order. `warm_step.advance`, called most often, does so itself.
 """
 
 from __future__ import annotations
@@ -11,49 +11,24 @@ from __future__ import annotations
 from cable_ros.compilation import njit
 from cable_ros.linalg import bordered
 from cable_ros.linalg.bordered import Factors
-from cable_ros.rod import clamp_stiffness, error_estimate, extensible_kernels, extensible_step, warm_step
+from cable_ros.rod import clamp_stiffness, error_estimate, extensible_kernels, extensible_step
 from cable_ros.rod.energy_kernels import gradient, hessian
 from cable_ros.rod.rod_state import (
     Conditions,
     ConstraintRows,
     Enrichment,
     Estimate,
-    Evaluation,
-    Grid,
-    Path,
     Section,
     StepControl,
     Stretch,
-    System,
     Tables,
     Tangents,
+    grid_of,
+    system_of,
 )
 from cable_ros.rod.warm_step import spread
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
-
-
-@njit(**OPTIONS)
-def grid_of(grid):
-    """`Grid` of lengths, starts, and the fields of `Tables`."""
-    h, s0, tables = grid
-    return Grid(h, s0, Tables(*tables))
-
-
-@njit(**OPTIONS)
-def system_of(system):
-    """`System` of the fields of `Evaluation`, of `Tangents`, and of `Factors`."""
-    evaluation, tangents, factors = system
-    return System(Evaluation(*evaluation), Tangents(*tangents), Factors(*factors))
-
-
-@njit(**OPTIONS)
-def advance(q, F, conditions, section, grid, system, path, control, q_new, F_new):
-    """See `warm_step.advance`."""
-    return warm_step.advance(
-        q, F, Conditions(*conditions), Section(*section), grid_of(grid), system_of(system), Path(*path),
-        StepControl(*control), q_new, F_new,
-    )  # fmt: skip
 
 
 @njit(**OPTIONS)

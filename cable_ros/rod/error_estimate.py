@@ -8,7 +8,8 @@ import numpy as np
 from cable_ros.compilation import njit
 from cable_ros.linalg import banded
 from cable_ros.linalg.bordered import border_solve, border_step, complement_factors, end_rows, solve3
-from cable_ros.rod.energy_kernels import increments, second, strain, tangent_derivative
+from cable_ros.rod.centreline import increments, tangent_derivative
+from cable_ros.rod.energy_kernels import second, strain
 from cable_ros.rod.units import norm3, relative_change
 
 OPTIONS = {"cache": True, "error_model": "numpy"}

@@ -13,7 +13,7 @@ from cable_ros.rod import entry_points, quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.extensible_kernels import stretch_polyline
 from cable_ros.rod.kirchhoff import Rod
-from cable_ros.rod.rod_state import ENERGY, TWIST, Sampling, Tables
+from cable_ros.rod.rod_state import ENERGY, TWIST, Tables
 from cable_ros.solve.trust_region import Options
 
 Conditions = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -205,14 +205,17 @@ class StretchingRod(Rod):
         self,
         q: np.ndarray,
         F: np.ndarray,
-        table: Sampling,
+        table: tuple[np.ndarray, ...],
         start: np.ndarray,
         length: float,
         points: np.ndarray,
     ) -> None:
-        """Add the way of the stretch to the world `points` (m, 3) of `output.polyline`."""
+        """Add the displacement by the stretch to the world `points` (m, 3) of `output.polyline`.
+
+        `table` has the fields of `rod_state.Sampling`.
+        """
         mesh = self.h, self.s0
-        stretch_polyline(q, (F, self.f), self.compliance, mesh, tuple(table), start, length, points)
+        stretch_polyline(q, (F, self.f), self.compliance, mesh, table, start, length, points)
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         self.linearize(q, F)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.rod.energy_kernels import increments
+from cable_ros.rod.centreline import increments
 from cable_ros.rod.rod_state import ENERGY
 
 OPTIONS = {"cache": True, "error_model": "numpy"}

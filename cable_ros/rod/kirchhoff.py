@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from itertools import chain
 
 import numpy as np
 
@@ -68,6 +68,7 @@ class Rod:
     def __init__(self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None) -> None:
         self.K = np.ascontiguousarray(stiffness, float)
         self.natural = np.zeros(3) if natural is None else np.ascontiguousarray(natural, float)
+        self.section = self.K, self.natural  # fields of `Section`
         self.qe, self.re, self.f = np.array([1.0, 0, 0, 0]), np.array([0.0, 0, 1]), np.zeros(3)
         self._allocate(mesh)
 
@@ -76,7 +77,7 @@ class Rod:
         nodes = elements * order + 1
         n, band = 3 * nodes, 3 * (order + 1)
         self.mesh = mesh
-        self.h, self.s0 = np.ascontiguousarray(mesh.lengths), mesh.starts
+        self.h, self.s0 = np.array(mesh.lengths), mesh.starts
         self.tables = mesh.element.tables
         fine, bubble = enrichment(order)
         self.fine, self.bubble = fine.tables, bubble
@@ -88,40 +89,23 @@ class Rod:
         self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
         self.shares = np.zeros(elements)
         self.mode = np.zeros(n)
+        # fields of `Grid`, `Enrichment` and `System`, as `entry_points` takes them
+        self.grid = self.h, self.s0, tuple(self.tables)
+        self.enrichment = tuple(self.fine), self.bubble
+        self.saddle = (
+            (self.acc, self.g, self.radial, self.totals, self.lanes),
+            (self.elastic, self.geometric, self.parts, self.C),
+            (self.A, self.L, self.pivots, self.Y, self.S),
+        )
         self._waves: np.ndarray | None = None
         self.drift, self.age, self.refresh = np.inf, np.inf, REFRESH
         self.margin = np.nan
         # the last equilibria of `advance` on this mesh: the latest itself, how many, and all of them
         self.latest: np.ndarray | None = None
         self.known = 0
-        self.path = np.zeros((3, nodes, 4)), np.zeros((3, 3)), np.zeros((3, 10))
+        path = np.zeros((3, nodes, 4)), np.zeros((3, 3)), np.zeros((3, 10))
+        self.arrays = *self.section, *self.grid, *chain.from_iterable(self.saddle), *path  # of `advance`
         self._normal: tuple[np.ndarray, np.ndarray] | None = None
-
-    # groups of `rod_state`, as `entry_points` takes them
-
-    @property
-    def section(self) -> tuple[np.ndarray, ...]:
-        """`Section`."""
-        return self.K, self.natural
-
-    @property
-    def grid(self) -> tuple[Any, ...]:
-        """`Grid`."""
-        return self.h, self.s0, tuple(self.tables)
-
-    @property
-    def enrichment(self) -> tuple[Any, ...]:
-        """`Enrichment`."""
-        return tuple(self.fine), self.bubble
-
-    @property
-    def saddle(self) -> tuple[tuple[np.ndarray, ...], ...]:
-        """`System`."""
-        return (
-            (self.acc, self.g, self.radial, self.totals, self.lanes),
-            (self.elastic, self.geometric, self.parts, self.C),
-            (self.A, self.L, self.pivots, self.Y, self.S),
-        )
 
     def set_conditions(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
@@ -237,10 +221,9 @@ class Rod:
         """One warm-started solve, see `warm_step.advance`; returns code, iterations and the new (q, F)."""
         q_new, F_new = np.empty_like(q), np.empty(3)
         known = self.known if q is self.latest else 0
-        code, iterations, self.age, fresh = entry_points.advance(
-            q, F, (qe, re, f), self.section, self.grid, self.saddle, (known, *self.path),
-            (tolerance, limit, self.drift, self.refresh), q_new, F_new,
-        )  # fmt: skip
+        code, iterations, self.age, fresh = warm_step.advance(
+            q, F, qe, re, f, *self.arrays, known, tolerance, limit, self.drift, self.refresh, q_new, F_new
+        )
         self.latest, self.known = None, 0
         self.drift = 0.0 if fresh else self.age
         if code == warm_step.ADVANCED:

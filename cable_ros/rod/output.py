@@ -34,33 +34,32 @@ def wrenches(F, f, contact, qe, g, force, moment, end_wrench, start_wrench):
 
 
 @njit(**OPTIONS)
-def read(q, forces, h, sampling, start, scale, out):
+def read(q, h, start, F, f, contact, qe, g, table, out):
     """`wrenches` and `polyline` in one call from Python.
 
     Args:
         q, h, start: as in `polyline`.
-        forces: tuple of the first five arguments of `wrenches`.
-        sampling: tuple of the fields of `rod_state.Sampling`.
-        scale: the cable's units of force, moment and length, N, Nm, m.
+        F, f, contact, qe, g: as in `wrenches`.
+        table: the cable's units of force, moment and length, N, Nm, m; the fields of `rod_state.Sampling`.
         out: end and start wrench (6,), points (c, 3) and frames (c, 4), overwritten.
     """
-    F, f, contact, qe, g = forces
+    scale, sampling = table
     end_wrench, start_wrench, out_r, out_q = out
     wrenches(F, f, contact, qe, g, scale[0], scale[1], end_wrench, start_wrench)
     polyline(q, h, Sampling(*sampling), start, scale[2], out_r, out_q)
 
 
 @njit(**OPTIONS)
-def read_anywhere(q, forces, mesh, tables, start, scale, out):
+def read_anywhere(q, mesh, start, F, f, contact, qe, g, table, out):
     """`wrenches` and `polyline_anywhere` in one call from Python.
 
     Args:
-        q, start: as in `polyline`.
-        forces, scale, out: as in `read`.
+        q, start, out: as in `read`.
         mesh: lengths of the elements and the arc lengths at which they start, (m,) each.
-        tables: what `elements.integrals` returns.
+        F, f, contact, qe, g: as in `wrenches`.
+        table: as in `read`, but last what `elements.integrals` returns.
     """
-    F, f, contact, qe, g = forces
+    scale, tables = table
     end_wrench, start_wrench, out_r, out_q = out
     h, s0 = mesh
     values, primitives, powers = tables

@@ -2,8 +2,7 @@
 """Groups of arguments of a rod's compiled functions: m elements of order p with g Gauss points, n nodes.
 
 b = 3 (p + 1) is the number of rotations of an element. Units of the cable, start clamp's frame, quaternions
-scalar first. Python passes these groups as plain tuples to `entry_points`, which makes them: Numba takes a
-tuple from Python in a tenth of the time.
+scalar first. Python passes these groups as plain tuples, see `entry_points`.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_ros.compilation import LEAF, njit
 from cable_ros.linalg.bordered import Factors
 
 ENERGY, TWIST = 3, 4
@@ -119,8 +119,6 @@ class StepControl(NamedTuple):
 class Path(NamedTuple):
     """The last equilibria of `warm_step.advance` on this mesh, latest first; changes with every step."""
 
-    known: int
-    """Number of them that are known, 0 to 3."""
     shapes: np.ndarray
     """(3, n, 4) nodal frames."""
     forces: np.ndarray
@@ -200,3 +198,17 @@ class Sampling(NamedTuple):
     """(j, p + 1) shape functions at those points."""
     points: np.ndarray
     """(j,) those points, on [0, 1]."""
+
+
+@njit(inline="always", **LEAF)
+def grid_of(grid):  # type: ignore[no-untyped-def]
+    """`Grid` of the tuple `grid`: lengths, starts, and the fields of `Tables`."""
+    h, s0, tables = grid
+    return Grid(h, s0, Tables(*tables))
+
+
+@njit(inline="always", **LEAF)
+def system_of(system):  # type: ignore[no-untyped-def]
+    """`System` of the tuple `system`: the fields of `Evaluation`, of `Tangents`, and of `Factors`."""
+    evaluation, tangents, factors = system
+    return System(Evaluation(*evaluation), Tangents(*tangents), Factors(*factors))

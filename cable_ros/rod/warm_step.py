@@ -6,10 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.linalg.bordered import end_coupling, factor, saddle_step
+from cable_ros.linalg.bordered import Factors, end_coupling, factor, saddle_step
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import gradient, hessian
+from cable_ros.rod.rod_state import Evaluation, Grid, Path, Section, Tables, Tangents
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -29,7 +30,11 @@ POSITION, LOAD = 4, 7
 
 
 @njit(**OPTIONS)
-def advance(q, F, conditions, section, grid, system, path, control, q_new, F_new):
+def advance(
+    q, F, qe, re, f, K, natural, h, s0, tables,
+    acc, g, radial, totals, lanes, elastic, geometric, parts, C, A, U, pivots, Y, S,
+    shapes, forces, conditions, known, tolerance, limit, rotation, refactor_at, q_new, F_new,
+):  # fmt: skip
     """From the equilibrium (q, F) to that under new conditions, with the factors at hand.
 
     The start is extrapolated along the path of the last equilibria, see `extrapolate`, or (q, F) itself,
@@ -37,31 +42,38 @@ def advance(q, F, conditions, section, grid, system, path, control, q_new, F_new
     all others correct. The factors may be those of another equilibrium; they are made again once a section
     has turned too far since, after a long step, and when the iteration no longer contracts.
 
+    Python calls this at every pose, and takes least time to pass numbers and arrays one by one. In here they
+    are groups.
+
     Args:
         q, F: (n, 4) nodal frames, (3,) end force.
-        conditions: `Conditions`.
-        section, grid: `Section` and `Grid`.
-        system: `System`, overwritten.
-        path: `Path`; an equilibrium that is found is put first.
-        control: `StepControl`.
+        qe, re, f: the new conditions, fields of `rod_state.Conditions`.
+        K, natural: of `Section`.
+        h, s0, tables: of `Grid`; the last one a tuple of the fields of `Tables`.
+        acc, g, radial, totals, lanes: of `Evaluation`, overwritten.
+        elastic, geometric, parts, C: of `Tangents`, overwritten.
+        A, U, pivots, Y, S: of `bordered.Factors`, overwritten.
+        shapes, forces, conditions: of `Path`; an equilibrium that is found is put first.
+        known: number of equilibria on the path that are known, 0 to 3.
+        tolerance, limit, rotation, refactor_at: of `StepControl`.
         q_new, F_new: receive the equilibrium.
 
     Returns:
         How it ended, number of corrections, rotation since the last factorisation, rad, whether the factors
         are new.
     """
-    qe, re, f = conditions
-    evaluation, tangents, factors = system
-    C, totals = tangents.C, evaluation.totals
-    tolerance, limit, rotation, refactor_at = control
+    section, grid = Section(K, natural), Grid(h, s0, Tables(*tables))
+    evaluation = Evaluation(acc, g, radial, totals, lanes)
+    tangents, factors = Tangents(elastic, geometric, parts, C), Factors(A, U, pivots, Y, S)
+    path = Path(shapes, forces, conditions)
     order = grid.tables.values.shape[1] - 1
     n = 3 * q.shape[0]
     gv = evaluation.g.reshape(n)
     s, dF, c, theta = np.empty(n), np.empty(3), np.empty(3), np.empty(3)
     Fe = np.empty((grid.h.shape[0], 3))
     target = as_vector(qe, re, f)
-    ready = path.known > 0 and same(f, path.conditions[0, LOAD:])
-    jumped = extrapolate(path, target, q_new, F_new) if path.known > 1 else 0.0
+    ready = known > 0 and same(f, conditions[0, LOAD:])
+    jumped = extrapolate(path, known, target, q_new, F_new) if known > 1 else 0.0
     if jumped == 0.0:
         copy_rows(q, q_new)
         copy(F, F_new)
@@ -133,10 +145,10 @@ def as_vector(qe, re, f):
 
 
 @njit(**LEAF)
-def extrapolate(path, target, q, F):
+def extrapolate(path, known, target, q, F):
     """Extrapolate the last equilibria to the conditions `target`; returns the largest rotation, rad.
 
-    The two or three known ones are taken for points of a smooth path, at distances along it that are those of
+    They are taken for points of a smooth path, at distances along it that are those of
     their conditions, straight on or turned back; q and F receive the polynomial through them. Its order is
     that which predicts the conditions `target` best, the higher one where both do well. Nothing happens, and
     0 is returned, if none predicts them to a tenth of the step, or if the weights amplify errors more than
@@ -144,10 +156,11 @@ def extrapolate(path, target, q, F):
 
     Args:
         path: `Path`.
+        known: number of equilibria on it that are known, 2 or 3.
         target: (10,) conditions, see `as_vector`.
         q, F: (n, 4) nodal frames and (3,) end force, overwritten.
     """
-    known, shapes, forces, conditions = path
+    shapes, forces, conditions = path
     t = signed_distance(conditions[1], conditions[0], target)
     back = -abs(signed_distance(conditions[0], conditions[0], conditions[1]))
     best, w1, w2 = 0.1 * abs(t), 0.0, 0.0
@@ -200,8 +213,8 @@ def signed_distance(origin, at, target):
 
 @njit(**OPTIONS)
 def remember(q, F, target, path):
-    """Put the equilibrium q (n, 4), F (3,) under the conditions `target` (10,) first in a `Path`."""
-    _, shapes, forces, conditions = path
+    """Put the equilibrium q (n, 4), F (3,) under the conditions `target` (10,) first in the `Path` path."""
+    shapes, forces, conditions = path
     for k in range(conditions.shape[0] - 1, 0, -1):
         copy_rows(shapes[k - 1], shapes[k])
         copy(forces[k - 1], forces[k])
@@ -213,7 +226,7 @@ def remember(q, F, target, path):
 
 @njit(**LEAF)
 def same(a, b):
-    """Whether two vectors of one length are equal."""
+    """Whether two vectors a and b of one length are equal."""
     equal = True
     for i in range(a.shape[0]):
         equal = equal and a[i] == b[i]
@@ -230,7 +243,7 @@ def end_turn(q, qe, theta):
 
 @njit(**OPTIONS)
 def spread(F, h):
-    """The same force F (3,) for every element: (elements, 3)."""
+    """The same force F (3,) for every element: (m, 3), with h (m,) of `Grid`."""
     out = np.empty((h.shape[0], 3))
     spread_into(F, out)
     return out
@@ -238,7 +251,7 @@ def spread(F, h):
 
 @njit(**LEAF)
 def spread_into(F, out):
-    """`spread` without a new array."""
+    """`spread` of F (3,) into `out` (m, 3)."""
     for e in range(out.shape[0]):
         out[e, 0], out[e, 1], out[e, 2] = F[0], F[1], F[2]
 

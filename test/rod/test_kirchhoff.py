@@ -251,18 +251,18 @@ def test_a_start_ahead_is_on_the_polynomial_through_the_last_ones() -> None:
     forces = np.outer(t**2, [1.0, -2.0, 3.0]) + np.outer(t, [0.5, 0.0, 1.0])
     shapes = np.array([[[1.0, 0.1 * x + x * x, 0.0, -x]] * 4 for x in t])
     q, F = np.empty((4, 4)), np.empty(3)
-    turned = warm_step.extrapolate(Path(3, shapes[:3], forces[:3], places[:3]), places[3], q, F)
+    turned = warm_step.extrapolate(Path(shapes[:3], forces[:3], places[:3]), 3, places[3], q, F)
     assert pytest.approx(forces[3], rel=1e-12) == F
     assert q == pytest.approx(shapes[3] / np.linalg.norm(shapes[3], axis=1)[:, None], rel=1e-12)
     assert turned == pytest.approx(2.0 * np.abs(shapes[3] - shapes[0]).max(), rel=1e-12)
     # Two known: a line, which misses the parabola but tells the conditions as well.
-    warm_step.extrapolate(Path(2, shapes[:3], forces[:3], places[:3]), places[3], q, F)
+    warm_step.extrapolate(Path(shapes[:3], forces[:3], places[:3]), 2, places[3], q, F)
     assert pytest.approx(forces[0] + (forces[0] - forces[1]) * 0.8, rel=1e-12) == F
     # Nothing where the way bends, or the last ones are too close together to tell.
     aside = places[0] + 0.1 * np.eye(10)[0]
-    assert warm_step.extrapolate(Path(3, shapes[:3], forces[:3], places[:3]), aside, q, F) == 0.0
+    assert warm_step.extrapolate(Path(shapes[:3], forces[:3], places[:3]), 3, aside, q, F) == 0.0
     close = places[0] + np.outer([0.0, 1e-3, 2e-3], line)
-    assert warm_step.extrapolate(Path(3, shapes[:3], forces[:3], close), places[3], q, F) == 0.0
+    assert warm_step.extrapolate(Path(shapes[:3], forces[:3], close), 3, places[3], q, F) == 0.0
 
 
 def test_old_factors_serve_small_steps() -> None:

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Equilibria of a rod whose contacts sit at fixed material points: Newton's method and a viscous flow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
+from cable_ros.contact.nodal_contacts import NORMAL, TANGENTIAL, NodalContacts
+from cable_ros.contact.nodal_kernels import COMPLIANCE, OPEN, SLIP, carry_history
+from cable_ros.contact.nodal_newton import CONVERGED, extrapolate, newton
+from cable_ros.contact.nodal_state import Step
+from cable_ros.rod.initial_shapes import SIDE
+from cable_ros.solve.trust_region import Options
+
+SOFT = 1e-5
+"""Compliance of stick, L^3 / EI, at which a solve that failed is tried again first."""
+TOLERANCE = 1e-8
+"""Of Newton's method: rotations, positions, relative forces."""
+ROUGH = 1e-3
+"""Of a solve that only leads to the next."""
+DRAG, FREE, STIFFEST = 1e4, 1e-2, 1e7
+"""Drag in a fall, EI / L^4: at first, below which it counts as none, and the most."""
+CALM = 0.003
+"""Motion in a step of a fall, lengths, below which the drag is reduced tenfold."""
+DRAGS = 80
+"""Maximum number of steps of a fall."""
+ASIDE = 0.05
+"""Part of the weight, and of 1 EI / L^3, that acts aside at first, see `initial_shapes.SIDE`."""
+FLOW_COST = 300
+"""Iterations after which a fall is given up."""
+
+
+class NodalSolver(NodalContacts):
+    """A rod in units of the cable whose contacts sit at the inner boundaries of its elements.
+
+    Each solve starts from the last equilibrium, with its friction.
+    """
+
+    def _solve(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, drag: float,
+        give: np.ndarray | None = None,
+    ) -> tuple[int, int]:  # fmt: skip
+        """Newton's method from the last equilibrium; on failure the state is what it was."""
+        state, kept = self.state, self.state.copy()
+        if not self.coulomb:
+            obstacles = obstacles.copy()
+            obstacles[:, FRICTION_COEFFICIENT] = 0.0
+        carried, turned = np.empty((*state.lam.shape, 3)), np.empty((*state.lam.shape, 3))
+        carry_history(state.r, self.frames, self._under, obstacles, carried, turned)
+        qe = qe if state.q[-1] @ qe > 0.0 else -qe
+        spent = 0
+        alike = np.full(state.lam.shape, COMPLIANCE)
+        stiff = NORMAL, TANGENTIAL, alike if give is None else give
+        soft = NORMAL, 1.0 / SOFT, np.full(state.lam.shape, SOFT)
+        trials = ((True, (stiff,)), (False, (stiff,)), (False, (soft, stiff)))
+        for ahead, stages in trials if drag == 0.0 else trials[1:2]:
+            if ahead and not (self._moved and extrapolate(state, self.before, re, drag)):
+                continue
+            code = CONVERGED
+            for scales in stages:
+                step = Step(qe, re, f, obstacles, carried, turned, kept.tau, kept.q, kept.r, drag, *scales)
+                code, count = newton(
+                    state, self._model, step, self._work, self._tangents, self._rows, self._band,
+                    self._trial, TOLERANCE if scales is stiff else ROUGH,
+                )  # fmt: skip
+                spent += count
+                if code != CONVERGED:
+                    break
+            if code == CONVERGED:
+                self._step = step
+                self._settle(qe, re, f, obstacles, turned)
+                return code, spent
+            state.take(kept)
+        return code, spent
+
+    def _settle(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, turned: np.ndarray
+    ) -> None:
+        self.set_conditions(qe, re, f)
+        self.obstacles = self._under = obstacles
+        self.frames = turned
+        kinds, state = self._work.kinds, self.state
+        state.lam[kinds == OPEN] = 0.0
+        state.tau[kinds == OPEN] = 0.0
+        self._slips = (kinds == SLIP) & (state.lam > 0.0)
+        self._pressed()  # the directions across go along with the normal from here on
+        self._weigh()
+        self.drift, self.age = 0.0, 0.0
+
+    def minimum(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """Where the cable comes to rest under the conditions set, dragged back by a viscous medium.
+
+        Implicit Euler steps of that flow: friction follows the path, and what is not stable is left behind.
+        """
+        assert self.obstacles is not None
+        spent = self._leant(self.qe, self.re, self.f, self.obstacles)
+        return None if spent is None else (self.shape, self.end_force, spent)
+
+    def begin(self, q: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> int | None:
+        """Let a shape q (n, 4), free of forces, come to rest; iterations, or None if it does not."""
+        assert self.obstacles is not None
+        state = self.state
+        for part in state:
+            part[:] = 0.0
+        state.q[:] = q
+        self._integrate()
+        self._under, self._moved = self.obstacles, False
+        return self._leant(qe, re, f, self.obstacles)
+
+    def _leant(self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray) -> int | None:
+        """As `_flow`, with a small load in a fixed direction of the start clamp's frame at first.
+
+        Of two mirror images the cable takes the one on that side, whatever the last bit.
+        """
+        aside = ASIDE * (1.0 + float(np.linalg.norm(f))) * SIDE
+        leant = self._flow(qe, re, f + aside, obstacles)
+        spent = None if leant is None else self._flow(qe, re, f, obstacles)
+        if leant is None or spent is None or not self._stable():
+            return None
+        return leant + spent
+
+    def _flow(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray,
+        give: np.ndarray | None = None,
+    ) -> int | None:  # fmt: skip
+        """Come to rest in a viscous medium; iterations, or None if that fails, with the state as it was."""
+        known = self._known()
+        drag, spent = DRAG, 0
+        self._moved = False
+        for _ in range(DRAGS):
+            before = self.state.r.copy()
+            code, count = self._solve(qe, re, f, obstacles, drag, give)
+            spent += count
+            if code == CONVERGED and drag == 0.0:
+                return spent
+            if spent > FLOW_COST:
+                break
+            if code == CONVERGED:
+                gone = float(np.abs(self.state.r - before).max())
+                drag *= 0.1 if gone < CALM else 0.5 if gone < 10.0 * CALM else 1.0
+                drag = 0.0 if drag < FREE else drag
+            elif drag == 0.0:
+                drag = 10.0 * FREE
+            elif drag < STIFFEST:
+                drag *= 5.0
+            else:
+                break
+        self._return(known)
+        return None
