@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_ros.contact.penalty_continuation import descend
-from cable_ros.contact.shortest_path import ways
+from cable_ros.contact.shortest_path import taut_strings
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, reference_element
@@ -39,7 +39,7 @@ class Conditions:
     re: np.ndarray
     f: np.ndarray
     obstacles: np.ndarray | None = None
-    """(n, contact_kernels.WIDTH); None: nothing to touch."""
+    """(n, distance.WIDTH); None: nothing to touch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +209,7 @@ def _beside(
     """
     assert conditions.obstacles is not None
     seen: list[np.ndarray] = []
-    for way in ways(conditions.re, conditions.obstacles, 1.0):
+    for way in taut_strings(conditions.re, conditions.obstacles, 1.0):
         rod = TouchingRod(mesh, stiffness, natural, max(tolerance, SEARCH))
         rod.seen = seen
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)

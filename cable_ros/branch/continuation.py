@@ -164,7 +164,7 @@ def walk(
         smallest, most = (CARRY, CARRY_WORK) if rod.lies else (LAST, LAST_WORK * given)
         hard = step * 0.5 < smallest * longest or spent > most
         # a cable that touches nothing falls exactly as well as on a grid
-        free = not (rod.remembers or rod.held().any())
+        free = not (rod.remembers or rod.contact_force().any())
         stable = (free or carrier is None or not hard) and rod.refactor(q, F)
         folding = free and (not stable or (carrier is not None and rod._softest() < SMALL))
         if carrier is not None and not folding and (hard or not stable):
@@ -211,7 +211,7 @@ def _fallen(
     margin is known to be negative at the end of the step.
     """
     at, margin = margins[-1]
-    touched = bool(rod.held().any()) and not rod.remembers
+    touched = bool(rod.contact_force().any()) and not rod.remembers
     shape, standing = rod.mesh.interpolate(q, GRID), rod.snapshot()()
     fallen = fall(rod, q, F, path(min(1.0, at + step)))
     if fallen is None:
@@ -267,7 +267,7 @@ def fall(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> tupl
     q = q.copy()
     q[-1] = conditions.qe if q[-1] @ conditions.qe > 0.0 else -conditions.qe
     # of two mirror images the same one, whatever the last bit
-    q = rod.retract(q, ASIDE * rod.waves())
+    q = rod.retract(q, ASIDE * rod.start_vector())
     found = settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
     return None if found is None else (found, energy, twist)
 

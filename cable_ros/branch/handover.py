@@ -17,6 +17,7 @@ from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.initial_shapes import starts
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.rod.units import relative_change
 from cable_ros.solve.trust_region import Options
 
@@ -49,7 +50,7 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
         return None
     points = rod.points[: rod.count]
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
-    force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.held()))
+    force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.contact_force()))
     new = NodalRod(rod.K, rod.natural, rod.obstacles, places_for(float(force)), rod.model == COULOMB)
     new.work = max(rod.work, WORK)
     adopted = new.adopt(rod, q, F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int))
@@ -62,7 +63,7 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         return None
     assert rod.obstacles is not None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-    first = first_mesh(conditions, float(rod.totals[4]), tolerance)
+    first = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
     left = min(rod.work, EXACT_WORK)
     for _ in TRIALS:
         if left <= 0.0:
@@ -77,7 +78,8 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         result = _taken_over(new, q, rod) if stage is None else descend(new, q, rod.end_force, SETTLE, stage)
         left = new.work
         if result is not None:
-            found = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
+            energy, twist = float(new.totals[ENERGY]), float(new.totals[TWIST])
+            found = Found(new, result[0], result[1], energy, twist, result[2])
             found, estimate = refine(found, tolerance)
             if estimate <= tolerance and _same(rod, found):
                 return found

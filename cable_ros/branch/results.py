@@ -28,7 +28,7 @@ def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarr
     `rod` is at an equilibrium with the end force F (3,), in units of the cable.
     """
     end, start = np.empty(6), np.empty(6)
-    output.wrenches(F, rod.f, rod.held(), rod.qe, rod.g, unit.force, unit.moment, end, start)
+    output.wrenches(F, rod.f, rod.contact_force(), rod.qe, rod.g, unit.force, unit.moment, end, start)
     return end, start
 
 
@@ -53,7 +53,7 @@ class Reader:
         """
         end_wrench, start_wrench = np.empty(6), np.empty(6)
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
-        out, contact = (end_wrench, start_wrench, points, orientations), rod.held()
+        out, contact = (end_wrench, start_wrench, points, orientations), rod.contact_force()
         if isinstance(rod, TouchingRod) and rod.count:
             table = (unit.force, unit.moment, unit.length), integrals(rod.mesh.element.order)
             output.read_anywhere(q, (rod.h, rod.s0), start, F, rod.f, contact, rod.qe, rod.g, table, out)

@@ -30,13 +30,14 @@ from cable_ros.effects.choice import Choice
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Overlap, Status
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.scene import Cable
 
 GRID = 0.05
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
 COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
-SINKS = "The cable could not be kept out of what it touches between the places that hold it."
+SINKS = "The cable still penetrates an obstacle between contact points."
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
 """What a result says whose stability margin is 0."""
 
@@ -108,7 +109,7 @@ class TrackedEquilibrium(CableModel):
     def _alone(self, rod: Rod) -> bool:
         energy, _, _ = rod.linearize(self._q, self._F)
         rod.factor(0.0)
-        here = Found(rod, self._q, self._F, energy, float(rod.totals[4]), 0)
+        here = Found(rod, self._q, self._F, energy, float(rod.totals[TWIST]), 0)
         return alone(here, self._stiffness, self._natural, self._compliance, self.tolerance)
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
@@ -134,12 +135,12 @@ class TrackedEquilibrium(CableModel):
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
             if self._estimate > self.tolerance and status is Status.CONVERGED:
                 message = f"{message[:-1]}{ON_GRID.format(self._estimate)}"
-        elif rod.drift == 0.0 or not self._estimate <= self.tolerance or rod.rubs_anew():
+        elif rod.rotation == 0.0 or not self._estimate <= self.tolerance or rod.friction_changed():
             self._estimate = rod.relative_error(self._q, self._F)
             sinks = rod.unresolved(self._q, LENIENT).any()
             beside = rod.clamp_errors(self._q, self._F).max()
             if max(self._estimate, beside) > ACCEPT * self.tolerance or sinks:
-                found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
+                found = Found(rod, self._q, self._F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), 0)
                 fine, self._estimate = refine(found, self.tolerance)
                 iterations += fine.iterations
                 before = rod, self._q, self._F
@@ -154,15 +155,15 @@ class TrackedEquilibrium(CableModel):
                 return self._finish(status, message, iterations, poses, begin)
             if self._estimate > self.tolerance:
                 message = (
-                    f"The end wrench cannot be had to {self.tolerance:.0e}: its estimated error stays"
-                    f" {self._estimate:.1e}."
+                    f"The estimated error of the end wrench, {self._estimate:.1e}, exceeds the tolerance"
+                    f" {self.tolerance:.0e}."
                 )
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
             if sinks:
                 return self.failed(Status.NOT_CONVERGED, SINKS, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])
-        elif self._apart < self._diameter + self._units.length * rod.drift:
+        elif self._apart < self._diameter + self._units.length * rod.rotation:
             # two points can have come so much nearer since that was last looked at
             self._apart = self._closest_approach(poses[0])
         if rod.forgot:
@@ -181,7 +182,7 @@ class TrackedEquilibrium(CableModel):
             message = f"{message} {warning(self._apart, self._diameter)}"
         if self.choice is not None:
             message += self.choice.note
-        self._twist = float(rod.totals[4])
+        self._twist = float(rod.totals[TWIST])
         start = poses[0]
         end_wrench, start_wrench, points, orientations = self._reader.read(
             rod, self._q, self._F, start, unit, self.polyline_points
@@ -191,7 +192,7 @@ class TrackedEquilibrium(CableModel):
             status=status, message=message, converged=standing.loss is None, stable=True,
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
             points=points, orientations=orientations, total_twist=self._twist,
-            energy=float(rod.totals[3]) * unit.moment - unit.length * float(self._weight @ start[:3]),
+            energy=float(rod.totals[ENERGY]) * unit.moment - unit.length * float(self._weight @ start[:3]),
             error_estimate=self._estimate, iterations=iterations,
             solve_time=time.perf_counter() - begin, overlaps=overlaps,
             _tangent=results.tangent(rod, self._q, self._F, unit, self._names, start),

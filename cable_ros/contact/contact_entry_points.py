@@ -4,20 +4,11 @@
 from __future__ import annotations
 
 from cable_ros.compilation import njit
-from cable_ros.contact import assembly, interfaces, newton
-from cable_ros.contact.contact_state import ContactSet, History, Last, Options, kkt_of, shape_of
-from cable_ros.rod.rod_state import Conditions, Section, StepControl, grid_of
+from cable_ros.contact import assembly, interfaces
+from cable_ros.contact.contact_state import ContactSet, History, kkt_of, shape_of
+from cable_ros.rod.rod_state import Section
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
-
-
-@njit(**OPTIONS)
-def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt, options, control, new):
-    """See `newton.active_set_newton`."""
-    return newton.active_set_newton(
-        Last(*last), Conditions(*conditions), obstacles, Section(*section), grid_of(grid),
-        ContactSet(*contacts), kkt_of(kkt), Options(*options), StepControl(*control), new,
-    )  # fmt: skip
 
 
 @njit(**OPTIONS)

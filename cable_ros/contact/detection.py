@@ -39,7 +39,7 @@ AWAY = 1.0
 BESIDE = 0.25
 """Distance from a contact point, in spacings, within which a minimum is that of a cable nearly flat there."""
 LONG = 4.0
-"""Length in spacings above which what is inside is no point contact."""
+"""Length inside an obstacle, in spacings, above which contact is a patch, not a point."""
 
 
 @njit(**OPTIONS)
@@ -266,7 +266,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             if ends:
                 points[near, ARC_LENGTH] = s
             elif near >= 0:
-                # two minima closer than the samples can tell: the cable begins to lie on the surface
+                # two minima closer than the spacing: the cable begins to lie on the surface
                 place = points[near, ARC_LENGTH]
                 count = make_patch(points, count, o, min(s, place), max(s, place))
             else:

@@ -20,11 +20,11 @@ DIRECTION, ACROSS, STIFFNESS, TANGENT = 0, 3, 6, 7
 """Slots of a tangent of friction: direction of the slip force (3), direction across it (3), stiffness across;
 and their number."""
 ROUNDING = 1e-10
-"""Fraction of the cone within which what is on its edge does not change from stick to slip or back."""
+"""Fraction of the cone by which friction must leave its edge to change from stick to slip or back."""
 FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
 """Models: none; with a history; as (53) of Liu et al. (2018), against the motion of the end."""
 STICK = 1e8
-"""Stiffness of stick, EI / L^3: what sticks gives way by 1e-8 of the length per unit of force."""
+"""Stiffness of stick, EI / L^3: what sticks moves by 1e-8 L per unit of force."""
 
 
 @njit(**OPTIONS)
@@ -73,24 +73,24 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
         trial[a] = turned[a] - STICK * step[a]
         off += force[a] * n[a]
         normal += trial[a] * n[a]
-    held, size, along = 0.0, 0.0, 0.0
+    norm, size, along = 0.0, 0.0, 0.0
     for a in range(3):
         force[a] -= off * n[a]
         trial[a] -= normal * n[a]
-        held += force[a] * force[a]
+        norm += force[a] * force[a]
         size += trial[a] * trial[a]
         along += force[a] * trial[a]
-    held, size = np.sqrt(held), np.sqrt(size)
+    norm, size = np.sqrt(norm), np.sqrt(size)
     slips = points[i, SLIPS] == 1.0
-    if not slips and held > (1.0 + ROUNDING) * cone and held > 0.0 and not initial:
+    if not slips and norm > (1.0 + ROUNDING) * cone and norm > 0.0 and not initial:
         points[i, SLIPS] = 1.0
         trial = force
-        size = held
+        size = norm
     elif slips and not initial and (size < (1.0 - ROUNDING) * cone or along < 0.0):
         points[i, SLIPS] = 0.0
     elif slips and initial:
         trial = force
-        size = held
+        size = norm
     if points[i, SLIPS] == 0.0 or size == 0.0:
         points[i, SLIPS] = 0.0
         limit[STIFFNESS] = STICK

@@ -7,7 +7,7 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.contact.assembly import assemble_kkt
-from cable_ros.contact.contact_state import History, Shape
+from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
 from cable_ros.contact.detection import flatten, update_active_set
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.interfaces import place_points
@@ -25,6 +25,7 @@ from cable_ros.linalg.bordered import (
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import curve
+from cable_ros.rod.rod_state import Section, grid_of
 from cable_ros.rod.warm_step import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -69,21 +70,23 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     has turned too far since or they no longer contract.
 
     Args:
-        last: `Last`.
-        conditions: `Conditions`.
+        last: fields of `Last`, as a plain tuple, see `entry_points`; so are the next ones.
+        conditions: of `Conditions`.
         obstacles: (o, WIDTH) the obstacles.
-        section: `Section`.
-        grid: `Grid`; contact moves its boundaries.
-        contacts: `ContactSet`, overwritten.
-        kkt: `KKT`, overwritten.
-        options: `contact_state.Options`.
-        control: `StepControl`.
+        section: of `Section`.
+        grid: of `Grid`; contact moves its boundaries.
+        contacts: of `ContactSet`, overwritten.
+        kkt: of `KKT`, overwritten.
+        options: of `contact_state.Options`.
+        control: of `StepControl`.
         new: nodal frames (n, 4) and end force (3,), overwritten.
 
     Returns:
         How it ended, see `warm_step.advance`; numbers of iterations, contact points and constraint rows;
         whether another mesh would hold the points better; rotation since the last factorisation, rad.
     """
+    last, section, grid, contacts = Last(*last), Section(*section), grid_of(grid), ContactSet(*contacts)
+    kkt, options = kkt_of(kkt), Options(*options)
     q, F, _, _, count, total_rows, ready, known = last
     q_new, F_new = new
     qe, re, f = conditions
@@ -138,19 +141,19 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             full = not holds or (not tangent and (rotation > refactor_at or rate > SLOW))
             if not full:
                 gaps[count : total_rows - 3] = 0.0
-            borders, same, flips = 0, True, 0
+            new_rows, same, flips = 0, True, 0
             if not (tangent and known):
-                borders, same, flips = assemble_kkt(
+                new_rows, same, flips = assemble_kkt(
                     shape, (F_new, f), section, obstacles, history, contacts, count, kkt, full, tangent
                 )
             if not full and (flips > 0 or (not tangent and not same)):
                 full = True
-                borders, same, _ = assemble_kkt(
+                new_rows, same, _ = assemble_kkt(
                     shape, (F_new, f), section, obstacles, history, contacts, count, kkt, full, tangent
                 )
             changes += flips
             if full:
-                total_rows, holds, fresh, rotation = borders, True, True, 0.0
+                total_rows, holds, fresh, rotation = new_rows, True, True, 0.0
                 steady = same or model != COULOMB
             if full and same:
                 convex = border_factor(tangents, 0.0, order, factors, V, rows.delta, total_rows, 3 + count)
@@ -188,7 +191,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                     break
                 stagnates = same and steady and changes == 0 and iteration > 4 and step > 0.9 * size
                 if stagnates and turned <= ROUNDING * tolerance:
-                    # the shape hardly tells how neighbouring samples share their force
+                    # the shape hardly depends on how neighbouring samples share their force
                     step, converged = turned, True
                     break
                 if iteration > 12 and step > 0.9 * size and model == FRICTIONLESS:

@@ -22,13 +22,13 @@ from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY, Evaluation, Grid, Section, Tangents
 
 FEWEST, MOST = 80, 192
-"""Number of places where it may touch."""
+"""Least and most points at which it may touch."""
 LAYER = 11.0
-"""Number of them along the length (EI / F)^1/2 over which a cable bends under its force F."""
+"""Number of points along the length (EI / F)^1/2 over which a cable bends under its force F."""
 NORMAL, TANGENTIAL = 1e4, 1e6
 """Scales of the projections of normal force and friction, EI / L^3."""
 FIRST = np.array([1.0, 0.0, 0.0])
-"""The first direction of a contact's frame before anything has touched, but for its part along the normal."""
+"""First direction of a contact's frame before anything has touched, not yet projected along the normal."""
 
 
 def cells(count: int) -> Mesh:
@@ -42,12 +42,12 @@ def cells(count: int) -> Mesh:
 
 
 def places_for(force: float) -> int:
-    """Number of places that a cable wants whose internal force, EI / L^2, is at most `force`."""
+    """Number of points for a cable whose internal force, EI / L^2, is at most `force`."""
     return int(np.clip(32 * np.ceil(LAYER / 32 * np.sqrt(force)), FEWEST, MOST))
 
 
 class Known(NamedTuple):
-    """What is known of an equilibrium with m elements and o obstacles, to make a rod that stands there."""
+    """An equilibrium with m elements and o obstacles, to make a rod that stands there."""
 
     state: State
     frames: np.ndarray
@@ -59,7 +59,7 @@ class Known(NamedTuple):
     under: np.ndarray
     """(o, WIDTH) the obstacles there."""
     conditions: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
-    """What is asked for: end frame (4,), end position (3,), load (3,) and obstacles (o, WIDTH)."""
+    """The conditions set: end frame (4,), end position (3,), load (3,) and obstacles (o, WIDTH)."""
 
 
 class NodalContacts(Rod):
@@ -68,7 +68,7 @@ class NodalContacts(Rod):
     Args:
         stiffness, natural: as in `Rod`.
         obstacles: (o, WIDTH) that it may touch.
-        places: number of places where it may touch, each in the middle of a cell; see `places_for`.
+        places: number of points at which it may touch, each in the middle of a cell; see `places_for`.
         coulomb: whether there is friction.
     """
 
@@ -82,7 +82,7 @@ class NodalContacts(Rod):
         elements, count = len(self.h), len(obstacles)
         self.state, self.before = State.zeros(elements, count), State.zeros(elements, count)
         self._trial = State.zeros(elements, count)
-        self.obstacles, self._under = obstacles, obstacles  # asked for, and at the last equilibrium
+        self.obstacles, self._under = obstacles, obstacles  # those set, and those at the last equilibrium
         self._size = 0, 0
         self.frames = np.zeros((elements + 1, count, 3))
         self.frames[:] = FIRST
@@ -117,7 +117,7 @@ class NodalContacts(Rod):
         if obstacles is not None:
             self.obstacles = obstacles
 
-    def held(self) -> np.ndarray:
+    def contact_force(self) -> np.ndarray:
         return self.contact_forces().sum(axis=(0, 1))
 
     def contact_forces(self) -> np.ndarray:
@@ -131,7 +131,7 @@ class NodalContacts(Rod):
         return normals, forces
 
     def lies_on(self, level: float) -> np.ndarray:
-        """(m + 1, o) bool: where it presses on each obstacle, and from one such place to the next where all
+        """(m + 1, o) bool: points that press on each obstacle, and all between two of them if all
         gaps between are less than `level` / cells^2.
         """
         pressed = self.state.lam != 0.0
@@ -171,10 +171,10 @@ class NodalContacts(Rod):
     def _integrate(self) -> None:
         """Positions of the boundaries from the frames."""
         tangents = quaternion.tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
-        ways = self.h[:, None] * np.einsum(
+        displacements = self.h[:, None] * np.einsum(
             "g,mga->ma", self.tables.weights, tangents.reshape(len(self.h), -1, 3)
         )
-        self.state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(ways, axis=0)))
+        self.state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(displacements, axis=0)))
 
     def _gauss_places(self) -> np.ndarray:
         """(m, g) arc lengths of the quadrature points."""
@@ -188,7 +188,7 @@ class NodalContacts(Rod):
         return -min(float(gaps(self.obstacles, r).min()) for r in self.state.r[1:-1])
 
     def _known(self) -> Known:
-        """A copy of what is known of the last equilibrium."""
+        """A copy of the last equilibrium."""
         return Known(
             self.state.copy(), self.frames.copy(), self._slips, self._step, self._under,
             (self.qe, self.re, self.f, self.obstacles),
@@ -202,7 +202,7 @@ class NodalContacts(Rod):
         self._under, self._moved = known.under, False
         self.set_conditions(*known.conditions)
 
-    # what a solution says
+    # what an equilibrium says
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Energy at the last equilibrium, which (x, y) must be, and that all residuals vanish."""
@@ -216,7 +216,7 @@ class NodalContacts(Rod):
         self._size = jacobian(
             state, self._model, step, self._work, self._tangents, self._rows, self._band.a, self._band.b
         )
-        self.drift = 0.0
+        self.rotation = 0.0
         return bool(band_factor(self._band.a, *self._size, self._band.pivots))
 
     def _last_step(self) -> Step:
@@ -238,7 +238,7 @@ class NodalContacts(Rod):
         """
         self.refactor(self.state.q, self.state.F[-1])
         at, _, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
-        return softest(self._tangents, self._rows, at, contacts, self.waves(), iterations)
+        return softest(self._tangents, self._rows, at, contacts, self.start_vector(), iterations)
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         return self.wrench_response(q, F, ())

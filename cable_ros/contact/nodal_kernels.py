@@ -33,8 +33,8 @@ from cable_ros.rod.energy_kernels import FORCE, gradient
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 COMPLIANCE = 1e-6
-"""L^3 / EI: what sticks gives way by so much per force, less than a grid can tell. With 1e-8 the borders
-between stick and slip move place by place: Newton's method takes twice as long or does not get there."""
+"""L^3 / EI: what sticks moves by this per force, less than a grid resolves. With 1e-8 the boundaries
+between stick and slip move point by point: Newton's method takes twice as long or does not converge."""
 YIELD = 1e-14
 """Compliance of an obstacle's surface, L^3 / EI. Where a cable lies beside a clamp, the clamp carries its
 weight over a length of about the fourth root, 3e-4 L."""
@@ -109,7 +109,7 @@ def project(lam, tau, tau0, phi, u, mu, scales, out):
         scales: those of normal force and friction, and the compliance of stick; see `Step`.
         out: (3,) receives the residuals, EI / L^2.
     """
-    rho, grip, give = scales
+    rho, rho_t, give = scales
     push = lam - rho * (phi + YIELD * lam)
     if push <= 0.0:
         out[0], out[1], out[2] = lam, tau[0], tau[1]
@@ -118,8 +118,8 @@ def project(lam, tau, tau0, phi, u, mu, scales, out):
     if mu == 0.0:
         out[1], out[2] = tau[0], tau[1]
         return SLIP, 0.0, 0.0, 0.0
-    t0 = tau[0] - grip * (u[0] + give * (tau[0] - tau0[0]))
-    t1 = tau[1] - grip * (u[1] + give * (tau[1] - tau0[1]))
+    t0 = tau[0] - rho_t * (u[0] + give * (tau[0] - tau0[0]))
+    t1 = tau[1] - rho_t * (u[1] + give * (tau[1] - tau0[1]))
     size = np.sqrt(t0 * t0 + t1 * t1)
     radius = mu * push
     if size <= radius:
@@ -184,7 +184,7 @@ def residuals(state, model, step, work):
             v = 0.0
             for k in range(weights.shape[0]):  # the tangents stand where the forces were
                 v += weights[k] * lanes[e * blocks + k // LANES, (FORCE + a) * LANES + k % LANES]
-            work.way[e, a] = r[e + 1, a] - r[e, a] - h[e] * v
+            work.mismatch[e, a] = r[e + 1, a] - r[e, a] - h[e] * v
     cell = 1.0 / (elements - 1)
     for k in range(1, elements):
         for a in range(3):

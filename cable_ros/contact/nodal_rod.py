@@ -26,23 +26,23 @@ from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import relative_change
 
 TWIN = 0.75
-"""The twin that tells the error has so many times as many."""
+"""Number of points of the twin, which serves to estimate the error, over this rod's."""
 STEP = 0.5 * FRICTION_STEP
 """Longest step, lengths."""
 FADING = 0.95
-"""An estimated error is no less than so much of the last step's: where contacts stand between places it may
-be nothing by chance."""
+"""Least estimated error, fraction of the last step's: with contacts between the points it may vanish by
+chance."""
 CORNER = 0.02
-"""Part of the longest step by which the twin may lag: a path that turns back must not be cut short."""
+"""Fraction of the longest step by which the twin may lag: a path that turns back must not be cut short."""
 SEED = 2e-5
-"""Motion, lengths, by which stick gives way at most while an equilibrium of another rod is taken over. What
-sticks hardly moves, and friction along a patch hardly changes."""
+"""Maximum motion of what sticks, L, while an equilibrium of another rod is taken over: it hardly moves, and
+friction along a patch hardly changes."""
 FAINT = 1e-2
-"""Friction, EI / L^2, that counts as none there."""
+"""Friction, EI / L^2, that counts as none in that."""
 LEAP, LEAST_LEAP = 10.0, 2e-3
-"""A step leads no place of the cable farther than so many times what is led, and so much more, lengths."""
+"""Maximum motion of the cable in a step: multiple of the motion of clamps and obstacles, and an addend, L."""
 RARE = 0.2
-"""Part of the longest step below which a step that fails is made in a viscous medium."""
+"""Fraction of the longest step below which a step that fails is made in a viscous medium."""
 
 
 class NodalRod(NodalSolver):
@@ -51,8 +51,8 @@ class NodalRod(NodalSolver):
     Args:
         stiffness, natural: as in `Rod`.
         obstacles: (o, WIDTH) that it may touch.
-        places: number of places where it may touch, each in the middle of a cell; see `places_for`.
-        coulomb: whether obstacles rub.
+        places: number of points at which it may touch, each in the middle of a cell; see `places_for`.
+        coulomb: whether there is friction.
     """
 
     few = 25
@@ -75,14 +75,14 @@ class NodalRod(NodalSolver):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         """One step from the last equilibrium, which (q, F) must be; see `warm_step.advance`."""
         assert obstacles is not None
-        way = travel(self.qe, self.re, self._under, qe, re, obstacles)
-        if way > STEP:
+        distance = travel(self.qe, self.re, self._under, qe, re, obstacles)
+        if distance > STEP:
             return warm_step.TOO_FAR, 0, q, F
         known, self.stride = self._known(), 2.0
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
         flown = None
-        if code != CONVERGED and way < RARE * STEP:
-            # what Newton's method cannot do at once a viscous medium does little by little
+        if code != CONVERGED and distance < RARE * STEP:
+            # where Newton's method fails in one step, a flow in a viscous medium converges in many
             flown = self._flow(qe, re, f, obstacles)
             iterations += FLOW_COST if flown is None else flown
             code = code if flown is None else CONVERGED
@@ -91,17 +91,17 @@ class NodalRod(NodalSolver):
             return warm_step.NOT_CONTRACTING, iterations, q, F
         if flown is None and not self.follows:
             self.stride = stride(self._friction_change(known.state))
-            if self.stride < SHORTER and way > FRICTION_LEAST:
+            if self.stride < SHORTER and distance > FRICTION_LEAST:
                 self._return(known)
                 return warm_step.TOO_FAR, iterations, q, F
-        leapt = np.abs(self.state.r - known.state.r).max() > LEAP * way + LEAST_LEAP
+        leapt = np.abs(self.state.r - known.state.r).max() > LEAP * distance + LEAST_LEAP
         turned = np.abs(np.sum(known.state.q * self.state.q, axis=1)).min() < np.cos(0.5 * limit)
         if leapt or turned:
             # Newton's method has no line search and can end on another branch
             self._return(known)
             return warm_step.NOT_CONTRACTING, iterations, q, F
         if not self._stable():
-            # on the way the branch has lost its stability, as a straight cable that is pressed
+            # the branch has lost its stability in between, as a straight cable under compression
             self._return(known)
             return warm_step.NOT_CONVEX, iterations, q, F
         self.before.take(known.state)
@@ -110,7 +110,7 @@ class NodalRod(NodalSolver):
         return warm_step.ADVANCED, iterations, self.state.q.copy(), self.state.F[-1].copy()
 
     def _friction_change(self, before: State) -> float:
-        """How much the friction of what slips has changed since `before` across the cable, see `travel`."""
+        """Relative change across the cable, since `before`, of the friction of what slips; see `travel`."""
         state, (normals, _) = self.state, self._pressed()
         possible = float((state.lam * self._under[:, FRICTION_COEFFICIENT]).sum())
         if possible == 0.0:
@@ -149,7 +149,7 @@ class NodalRod(NodalSolver):
         lever = np.array([0.0, 0.0, 0.0, 0.25 * lone / self.cells, 0.0, 0.0])
         error = max(relative_change(change, mine, self.least), relative_change(lever, mine, self.least))
         before = FADING * self._estimate if np.isfinite(self._estimate) else 0.0
-        # a force that is spread over a cell, not lumped in its middle, bends the cable so much otherwise
+        # error by lumping the force of a cell in its middle
         lumped = float(np.linalg.norm(self.state.F[-1])) / (12.0 * self.cells**2)
         self._estimate = max(float(error), before, lumped)
 
@@ -202,7 +202,7 @@ class NodalRod(NodalSolver):
         return True
 
     def pair(self) -> None:
-        """Have a twin of fewer cells, whose end wrench tells how much the grid matters."""
+        """Make the twin, of fewer cells, whose end wrench shows the error of the grid."""
         twin = NodalRod(self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb)
         twin.follows = True
         places, _, _, forces, obstacles, _, _ = self.contacts()

@@ -18,17 +18,17 @@ SOFT = 1e-5
 TOLERANCE = 1e-8
 """Of Newton's method: rotations, positions, relative forces."""
 ROUGH = 1e-3
-"""Of a solve that only leads to the next."""
+"""The same, of a solve that only leads to the next."""
 DRAG, FREE, STIFFEST = 1e4, 1e-2, 1e7
-"""Drag in a fall, EI / L^4: at first, below which it counts as none, and the most."""
+"""Drag in a flow, EI / L^4: at first, below which it counts as none, and the largest."""
 CALM = 0.003
-"""Motion in a step of a fall, lengths, below which the drag is reduced tenfold."""
+"""Motion in a step of a flow, L, below which the drag is reduced tenfold."""
 DRAGS = 80
-"""Maximum number of steps of a fall."""
+"""Maximum number of steps of a flow."""
 ASIDE = 0.05
-"""Part of the weight, and of 1 EI / L^3, that acts aside at first, see `initial_shapes.SIDE`."""
+"""Fraction of the weight, and of 1 EI / L^3, that acts sideways at first, see `initial_shapes.SIDE`."""
 FLOW_COST = 300
-"""Iterations after which a fall is given up."""
+"""Maximum number of iterations of a flow."""
 
 
 class NodalSolver(NodalContacts):
@@ -54,8 +54,8 @@ class NodalSolver(NodalContacts):
         stiff = NORMAL, TANGENTIAL, alike if give is None else give
         soft = NORMAL, 1.0 / SOFT, np.full(state.lam.shape, SOFT)
         trials = ((True, (stiff,)), (False, (stiff,)), (False, (soft, stiff)))
-        for ahead, stages in trials if drag == 0.0 else trials[1:2]:
-            if ahead and not (self._moved and extrapolate(state, self.before, re, drag)):
+        for predict, stages in trials if drag == 0.0 else trials[1:2]:
+            if predict and not (self._moved and extrapolate(state, self.before, re, drag)):
                 continue
             code = CONVERGED
             for scales in stages:
@@ -86,21 +86,21 @@ class NodalSolver(NodalContacts):
         self._slips = (kinds == SLIP) & (state.lam > 0.0)
         self._pressed()  # the directions across go along with the normal from here on
         self._weigh()
-        self.drift, self.age = 0.0, 0.0
+        self.rotation, self.rotation_before = 0.0, 0.0
 
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """Where the cable comes to rest under the conditions set, dragged back by a viscous medium.
+        """Where the cable comes to rest under the conditions set, in a viscous medium.
 
-        Implicit Euler steps of that flow: friction follows the path, and what is not stable is left behind.
+        Implicit Euler steps of that flow: friction keeps its history, and unstable equilibria are left.
         """
         assert self.obstacles is not None
         spent = self._leant(self.qe, self.re, self.f, self.obstacles)
         return None if spent is None else (self.shape, self.end_force, spent)
 
     def begin(self, q: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> int | None:
-        """Let a shape q (n, 4), free of forces, come to rest; iterations, or None if it does not."""
+        """Bring a shape q (n, 4), free of forces, to rest; number of iterations, or None if that fails."""
         assert self.obstacles is not None
         state = self.state
         for part in state:

@@ -26,7 +26,7 @@ ITERATIONS = 60
 CHANGE = 1e-3
 """Relative change of the margin in one iteration that ends the search."""
 UNSTABLE = -1.0
-"""Stands for the margin of what is not stable."""
+"""Margin of an unstable equilibrium."""
 
 
 def softest(
@@ -43,17 +43,17 @@ def softest(
         start: (3n,) rotations to start the search from, zero at the clamps.
         iterations: maximum number; with fewer the eigenvalue is too large, its sign is right with 1.
     """
-    places = np.searchsorted(rows.r, at[:, 0])
+    boundaries = np.searchsorted(rows.r, at[:, 0])
     K = _condensed(contacts) if len(at) else np.zeros((0, 3, 3))
     elastic, geometric, parts, _ = tangents
-    return float(_softest(elastic, geometric, parts, places, K, start, iterations))
+    return float(_softest(elastic, geometric, parts, boundaries, K, start, iterations))
 
 
 def _condensed(contacts: np.ndarray) -> np.ndarray:
     """(c, 3, 3) symmetric stiffness of each contact by its position, its forces eliminated.
 
     That friction of what slips follows the normal force is left out: it makes the tangent unsymmetric, and
-    changes nothing in where the cable can go.
+    does not change where the cable can move.
     """
     turn, out = contacts[:, :3, :3], contacts[:, :3, 3:]
     by_place, by_force = contacts[:, 3:, :3].copy(), contacts[:, 3:, 3:].copy()
@@ -66,12 +66,12 @@ def _condensed(contacts: np.ndarray) -> np.ndarray:
 
 
 @njit(**OPTIONS)
-def _softest(elastic, geometric, parts, places, K, start, iterations):
+def _softest(elastic, geometric, parts, boundaries, K, start, iterations):
     """See `softest`.
 
     Args:
         elastic, geometric, parts: of `Tangents`.
-        places, K: boundaries (c,) at which contacts are, and their stiffness (c, 3, 3).
+        boundaries, K: boundaries (c,) at which contacts are, and their stiffness (c, 3, 3).
         start, iterations: as in `softest`.
     """
     m, nd = parts.shape[0], parts.shape[2]
@@ -110,8 +110,8 @@ def _softest(elastic, geometric, parts, places, K, start, iterations):
                 for j in range(nd + 2):
                     if 0 <= numbers[j] <= numbers[i]:
                         a[numbers[i], width + numbers[j] - numbers[i]] += PENALTY * values[i] * values[j]
-    for k in range(places.shape[0]):
-        first = block * places[k] - 6
+    for k in range(boundaries.shape[0]):
+        first = block * boundaries[k] - 6
         for i in range(3):
             for j in range(i + 1):
                 a[first + i, width + j - i] += K[k, i, j]

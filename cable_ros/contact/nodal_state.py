@@ -24,7 +24,7 @@ class State(NamedTuple):
     r: np.ndarray
     """(m + 1, 3) positions of the elements' boundaries, L."""
     F: np.ndarray
-    """(m, 3) internal force in each element, what is beyond exerts on what is before, EI / L^2."""
+    """(m, 3) internal force in each element, which the part after it exerts on the part before, EI / L^2."""
     lam: np.ndarray
     """(m + 1, o) normal forces, positive where the obstacle pushes, EI / L^2."""
     tau: np.ndarray
@@ -40,7 +40,7 @@ class State(NamedTuple):
         )  # fmt: skip
 
     def copy(self) -> State:
-        """A state of its own."""
+        """A copy."""
         return State(*(part.copy() for part in self))
 
     def take(self, other: State) -> None:
@@ -94,7 +94,7 @@ class Work(NamedTuple):
 
     evaluation: Evaluation
     """`g` holds the residual moments, at the first and last node those of the clamps on the cable."""
-    way: np.ndarray
+    mismatch: np.ndarray
     """(m, 3) residuals of the positions, L."""
     balance: np.ndarray
     """(m + 1, 3) residuals of the forces, EI / L^2; the first and the last are not used."""
@@ -131,7 +131,7 @@ class Band(NamedTuple):
 
 
 def spaces(elements: int, obstacles: int) -> tuple[Rows, Band]:
-    """Space for the numbering and the linear system of a rod with so many elements and obstacles."""
+    """Space for the numbering and the linear system of a rod with this number of elements and obstacles."""
     m = elements
     rows = Rows(
         np.zeros(m + 1, np.int64), np.zeros(m * ORDER + 1, np.int64), np.zeros(m, np.int64),

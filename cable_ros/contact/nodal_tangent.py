@@ -120,7 +120,7 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
     for e in range(elements):
         for c in range(3):
             row = rows_F[e] + c
-            b[row] = -work.way[e, c]
+            b[row] = -work.mismatch[e, c]
             if e > 0:
                 k = rows_r[e] + c
                 a[row, low + k - row] -= 1.0
@@ -163,7 +163,7 @@ def press_tangent(state, step, rows, a, b, low):
         low: the bandwidth.
     """
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
-    rho, grip = step.normal, step.tangential
+    rho, rho_t = step.normal, step.tangential
     n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
     B, D, N = np.empty((3, 3)), np.empty((2, 3)), np.empty(2)
@@ -181,7 +181,7 @@ def press_tangent(state, step, rows, a, b, low):
                 away += n[c] * (r[k, c] - step.carried[k, o, c])
             mu, give = obstacles[o, FRICTION_COEFFICIENT], step.give[k, o]
             kind, t0, t1, radius = project(
-                lam[k, o], tau[k, o], step.tau[k, o], phi, u, mu, (rho, grip, give), out
+                lam[k, o], tau[k, o], step.tau[k, o], phi, u, mu, (rho, rho_t, give), out
             )
             # B: second derivative of the gap; the directions across turn as the normal does
             for i in range(3):
@@ -216,9 +216,9 @@ def press_tangent(state, step, rows, a, b, low):
                 a[row, low + at + j - row] = rho * n[j]
             if kind == STICK:
                 for i in range(2):
-                    a[row + 1 + i, low] = grip * give
+                    a[row + 1 + i, low] = rho_t * give
                     for j in range(3):
-                        a[row + 1 + i, low + at + j - row - 1 - i] = grip * D[i, j]
+                        a[row + 1 + i, low + at + j - row - 1 - i] = rho_t * D[i, j]
                 continue
             size = np.sqrt(t0 * t0 + t1 * t1)
             if size == 0.0:
@@ -227,9 +227,9 @@ def press_tangent(state, step, rows, a, b, low):
             N[0], N[1] = t0 / size, t1 / size
             ratio = radius / size
             # as Hueber, Stadler and Wohlmuth (2008) have it: the old friction, cut to the cone, stands in for
-            # one of the two directions, and is turned down where it points the other way
-            held = np.sqrt(tau[k, o, 0] ** 2 + tau[k, o, 1] ** 2)
-            cut = 1.0 / max(radius, held, 1e-300)
+            # one of the two directions, and counts for less if it points the other way
+            size_then = np.sqrt(tau[k, o, 0] ** 2 + tau[k, o, 1] ** 2)
+            cut = 1.0 / max(radius, size_then, 1e-300)
             cosine = (tau[k, o, 0] * N[0] + tau[k, o, 1] * N[1]) * cut
             beta = 1.0 / (1.0 - cosine) if cosine < 0.0 else 1.0
             for i in range(2):
@@ -241,6 +241,6 @@ def press_tangent(state, step, rows, a, b, low):
                     a[m, low + at + j - m] += mu * N[i] * rho * n[j]
                 for p in range(2):
                     w = ratio * ((1.0 if i == p else 0.0) - beta * cut * tau[k, o, i] * N[p])
-                    a[m, low + row + 1 + p - m] -= w * (1.0 - grip * give)
+                    a[m, low + row + 1 + p - m] -= w * (1.0 - rho_t * give)
                     for j in range(3):
-                        a[m, low + at + j - m] += w * grip * D[p, j]
+                        a[m, low + at + j - m] += w * rho_t * D[p, j]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a cable meets itself or another: contact between cables is not modelled, but told."""
+"""Where a cable meets itself or another: contact between cables is not modelled, but reported."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from cable_ros.scene import Cable
 
 NOT_MODELLED = "Contact of the cable with itself is not modelled"
 SPACING = np.pi
-"""Parts of the cable nearer than so many diameters along it are neighbours, not a contact."""
+"""Distance along the cable, in diameters, within which parts are neighbours, not a contact."""
 OUTLINE = 101
-"""Points of a polyline that tell how near cables come."""
+"""Number of points of the polyline with which distances of cables are computed."""
 LONGEST = 1.1
-"""A cable may be stretched to this many lengths."""
+"""Maximum length of a stretched cable over its own."""
 
 
 def closest_approach(points: np.ndarray, length: float, spacing: float) -> float:
@@ -108,7 +108,7 @@ def _apart(poses, i, k):  # type: ignore[no-untyped-def]
 
 
 def warning(apart: float, diameter: float) -> str:
-    """A sentence where the parts of a cable are only `apart`, m."""
+    """A warning that parts of a cable are only `apart`, m."""
     return (
         f"{NOT_MODELLED} and matters here: two parts of it are "
         f"{apart * 1e3:.3g} mm apart, less than the diameter of {diameter * 1e3:.3g} mm."

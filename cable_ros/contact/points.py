@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled: the table of contact points.
 
-One row each, see the columns below. A contact is a point, whose place is where the gap has its minimum, or a
-patch along which the cable lies on the surface: its touchdown and its lift-off point, and samples between
-them. Units of the cable, start clamp's frame.
+One row each, see the columns below. A contact is a point, at the minimum of the gap, or a patch along which
+the cable lies on the surface: its touchdown and its lift-off point, and samples between them. Units of the
+cable, start clamp's frame.
 """
 
 from __future__ import annotations

@@ -25,14 +25,14 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**OPTIONS)
-def displacements(shape, parts, places, way, turn):
+def displacements(shape, parts, arc_lengths, displacement, turn):
     """Derivatives of position and tangent at given arc lengths by the nodal rotations.
 
     Args:
         shape: fields of `contact_state.Shape`, as plain tuples.
         parts: (m, 3, b) of `rod_state.Tangents`.
-        places: (k,) arc lengths, L.
-        way, turn: (k, 3, 3n) receive the derivatives of position and tangent.
+        arc_lengths: (k,) arc lengths, L.
+        displacement, turn: (k, 3, 3n) receive the derivatives of position and tangent.
     """
     q, _, grid = shape
     h, s0, tables = grid_of(grid)
@@ -42,24 +42,24 @@ def displacements(shape, parts, places, way, turn):
     frame, D = np.empty((4, nd)), np.empty((4, nd))
     Nx, dNx = np.empty(order + 1), np.empty(order + 1)
     qs, t = np.empty(4), np.empty(3)
-    way[:] = 0.0
+    displacement[:] = 0.0
     turn[:] = 0.0
-    for i in range(places.shape[0]):
-        e, x = find_element(places[i], s0, h)
+    for i in range(arc_lengths.shape[0]):
+        e, x = find_element(arc_lengths[i], s0, h)
         first = e * order
         for j in range(order + 1):
             increments(q[first + j], 3 * j, frame)
         for k in range(e):
             for a in range(3):
                 for j in range(nd):
-                    way[i, a, 3 * k * order + j] += parts[k, a, j]
+                    displacement[i, a, 3 * k * order + j] += parts[k, a, j]
         for k in range(N.shape[0]):
             if x == 0.0:
                 break
             interpolate_frame(q, first, order, N[k], frame, qs, D)
             norm = tangent(qs, t)
             weight = h[e] * weight_up_to(tables.primitives, k, x)
-            tangent_derivative(qs, t, 2.0 * weight / norm, D, way[i], 3 * first, nd)
+            tangent_derivative(qs, t, 2.0 * weight / norm, D, displacement[i], 3 * first, nd)
         shape_functions(tables.nodes, x, Nx, dNx)
         interpolate_frame(q, first, order, Nx, frame, qs, D)
         norm = tangent(qs, t)
@@ -67,12 +67,12 @@ def displacements(shape, parts, places, way, turn):
 
 
 @njit(**OPTIONS)
-def surfaces(shape, places, which, obstacles):
+def surfaces(shape, arc_lengths, which, obstacles):
     """Centreline and obstacle surfaces at given arc lengths.
 
     Args:
         shape: fields of `contact_state.Shape`, as plain tuples.
-        places: (m,) arc lengths, L.
+        arc_lengths: (m,) arc lengths, L.
         which: (m,) the obstacle of each.
         obstacles: (o, WIDTH).
 
@@ -82,12 +82,12 @@ def surfaces(shape, places, which, obstacles):
     """
     q, c, grid = shape
     h, s0, tables = grid_of(grid)
-    m = places.shape[0]
+    m = arc_lengths.shape[0]
     r, t, dt, n = np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3))
     directions, bends = np.empty((m, 2, 3)), np.empty((m, 2))
     for i in range(m):
-        position(c, h, s0, places[i], r[i])
-        direction(q, h, s0, tables.nodes, places[i], t[i], dt[i])
+        position(c, h, s0, arc_lengths[i], r[i])
+        direction(q, h, s0, tables.nodes, arc_lengths[i], t[i], dt[i])
         gap(obstacles[which[i]], r[i], n[i], directions[i], bends[i])
     return r, t, dt, n, directions, bends
 

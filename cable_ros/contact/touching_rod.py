@@ -12,7 +12,7 @@ from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.detection import passage
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.patches import resample
-from cable_ros.contact.penalty_continuation import NEAR, descend, give_way
+from cable_ros.contact.penalty_continuation import NEAR, descend, descend_instead
 from cable_ros.contact.points import BEFORE, FORCE, INTERFACE
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
@@ -50,7 +50,7 @@ class TouchingRod(ActiveSetRod):
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """Descend with soft obstacles, which any shape can start from, then make them hard."""
+        """Descend with soft obstacles, which any shape can start from, then with hard ones."""
         self.ready = False
         if self.count:
             # mostly the same equilibrium on another mesh: its contacts are known
@@ -88,7 +88,7 @@ class TouchingRod(ActiveSetRod):
         result = self.step_in_contact(q, F, qe, re, f, tolerance, limit, obstacles)
         if result[0] == warm_step.ADVANCED:
             return result
-        return give_way(self, q, F, qe, re, f, limit, obstacles, result)
+        return descend_instead(self, q, F, qe, re, f, limit, obstacles, result)
 
     def snapshot(self) -> Callable[[], Rod]:
         return partial(_standing, self, self.mesh, self.points[: self.count].copy(), self.obstacles)

@@ -9,7 +9,7 @@ from cable_ros.compilation import LEAF, njit
 from cable_ros.linalg.bordered import end_coupling, end_rows, saddle_step
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import gradient
-from cable_ros.rod.rod_state import Evaluation, Section
+from cable_ros.rod.rod_state import Evaluation, Section, grid_of, system_of
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -24,12 +24,13 @@ def clamp_response(q, F, conditions, grid, system):
 
     Args:
         q, F: equilibrium: nodal frames (n, 4), end force (3,).
-        conditions: `Conditions`.
-        grid: `Grid`.
-        system: `System` at that equilibrium, factored.
+        conditions: fields of `Conditions`, as a plain tuple, see `entry_points`; so are the next ones.
+        grid: of `Grid`.
+        system: of `System` at that equilibrium, factored.
     """
     qe, re, f = conditions
-    evaluation, tangents, factors = system
+    grid = grid_of(grid)
+    evaluation, tangents, factors = system_of(system)
     elastic, geometric, _, C = tangents
     g = evaluation.g
     order = grid.tables.values.shape[1] - 1
@@ -85,7 +86,7 @@ def clamp_response(q, F, conditions, grid, system):
                 inner[3 + i, k] -= C[a, i] * dF[a]
             inner[6 + i, k] = dFb[i] - turned[i]
             inner[9 + i, k] = moment[i] - 0.5 * half[i]
-    # seen from the start clamp that moves, the end and the load move the other way
+    # in the frame of a start clamp that moves, the end and the load move backwards
     out = np.empty((12, 12))
     for i in range(12):
         for k in range(6):

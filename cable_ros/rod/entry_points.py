@@ -3,7 +3,7 @@
 
 Each function is the one of its name elsewhere, but takes the groups of `rod_state` as plain tuples: Numba
 takes a NamedTuple from Python field by field, by name, which costs ten times as much. Tuples that stand for a
-group have its fields in order. `warm_step.advance`, called most often, does so itself.
+group have its fields in order. Kernels that only Python calls take tuples themselves, and say so.
 """
 
 from __future__ import annotations
@@ -11,18 +11,11 @@ from __future__ import annotations
 from cable_ros.compilation import njit
 from cable_ros.linalg import bordered
 from cable_ros.linalg.bordered import Factors
-from cable_ros.rod import clamp_stiffness, error_estimate, extensible_kernels, extensible_step
+from cable_ros.rod import extensible_kernels, extensible_step
 from cable_ros.rod.energy_kernels import gradient, hessian
 from cable_ros.rod.rod_state import (
-    Conditions,
-    ConstraintRows,
-    Enrichment,
-    Estimate,
     Section,
-    StepControl,
     Stretch,
-    Tables,
-    Tangents,
     grid_of,
     system_of,
 )
@@ -65,29 +58,6 @@ def saddle_step(g, c, order, system, s, dF):
 
 
 @njit(**OPTIONS)
-def margin(elastic, V, count, order, factors, mode, waves, repeats):
-    """See `error_estimate.margin`."""
-    return error_estimate.margin(elastic, V, count, order, Factors(*factors), mode, waves, repeats)
-
-
-@njit(**OPTIONS)
-def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, estimate):
-    """See `error_estimate.error`."""
-    tables, bubble = enrichment
-    return error_estimate.error(
-        q, Fe, Conditions(*conditions), Section(*section), grid_of(grid),
-        Enrichment(Tables(*tables), bubble), system_of(system), ConstraintRows(*rows), count,
-        Estimate(*estimate),
-    )  # fmt: skip
-
-
-@njit(**OPTIONS)
-def clamp_response(q, F, conditions, grid, system):
-    """See `clamp_stiffness.clamp_response`."""
-    return clamp_stiffness.clamp_response(q, F, Conditions(*conditions), grid_of(grid), system_of(system))
-
-
-@njit(**OPTIONS)
 def border_factor(mu, system, V, delta, count, equalities):
     """See `bordered.border_factor`."""
     system = system_of(system)
@@ -99,15 +69,6 @@ def border_factor(mu, system, V, delta, count, equalities):
 def border_step(g, c, V, count, order, factors, s, y):
     """See `bordered.border_step`."""
     bordered.border_step(g, c, V, count, order, Factors(*factors), s, y)
-
-
-@njit(**OPTIONS)
-def advance_stretching(q, F, conditions, section, stretch, grid, system, control, q_new, F_new):
-    """See `extensible_step.advance_stretching`."""
-    return extensible_step.advance_stretching(
-        q, F, Conditions(*conditions), Section(*section), Stretch(*stretch), grid_of(grid), system_of(system),
-        StepControl(*control), q_new, F_new,
-    )  # fmt: skip
 
 
 @njit(**OPTIONS)
@@ -128,9 +89,3 @@ def stretch_factor(system, reach, mu, order):
 def stretch_gradient(q, Fe, f, grid, stretch, acc):
     """See `extensible_kernels.stretch_gradient`."""
     extensible_kernels.stretch_gradient(q, Fe, f, grid_of(grid), Stretch(*stretch), acc)
-
-
-@njit(**OPTIONS)
-def moments(right, s, dF, qe, tangents):
-    """See `extensible_step.moments`."""
-    return extensible_step.moments(right, s, dF, qe, Tangents(*tangents))

@@ -7,9 +7,10 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.linalg import banded
-from cable_ros.linalg.bordered import border_solve, border_step, complement_factors, end_rows, solve3
+from cable_ros.linalg.bordered import Factors, border_solve, border_step, complement_factors, end_rows, solve3
 from cable_ros.rod.centreline import increments, tangent_derivative
 from cable_ros.rod.energy_kernels import second, strain
+from cable_ros.rod.rod_state import Tables, system_of
 from cable_ros.rod.units import norm3, relative_change
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -19,7 +20,7 @@ ADMIXTURE = 0.1
 
 
 @njit(**OPTIONS)
-def margin(elastic, V, count, order, factors, mode, waves, repeats):
+def margin(elastic, V, count, order, factors, mode, start_vector, repeats):
     """Smallest eigenvalue of H v = lambda D v on the tangent space, D elastic, by inverse iteration.
 
     Ends once the value changes by less than 1e-4 of itself. Only for a factored strict minimum.
@@ -29,11 +30,12 @@ def margin(elastic, V, count, order, factors, mode, waves, repeats):
         V: (rows, 3n) constraint rows.
         count: number of rows.
         order: of the elements.
-        factors: as `bordered.border_factor` leaves them.
+        factors: fields of `bordered.Factors`, as a plain tuple, as `bordered.border_factor` leaves them.
         mode: (3n,) start of the search, which receives the eigenvector.
-        waves: (3n,) of which a little is added to the start, so that no symmetry hides a mode.
+        start_vector: (3n,) of which a little is added to the start, so that no symmetry hides a mode.
         repeats: maximum number of iterations.
     """
+    factors = Factors(*factors)
     n = mode.shape[0]
     x = np.empty(n)
     y = np.empty(n)
@@ -41,7 +43,7 @@ def margin(elastic, V, count, order, factors, mode, waves, repeats):
     dF = np.empty(count)
     value = np.inf
     for i in range(n):
-        mode[i] += ADMIXTURE * waves[i]
+        mode[i] += ADMIXTURE * start_vector[i]
     banded.multiply(elastic, mode, y)
     small, swaps = complement_factors(factors.S, count)
     for _ in range(repeats):
@@ -75,18 +77,20 @@ def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, est
     Args:
         q: (n, 4) nodal frames.
         Fe: (m, 3) constant part of the internal force, see `energy_kernels.gradient`.
-        conditions: `Conditions`.
-        section, grid: `Section` and `Grid`.
-        enrichment: `Enrichment`.
-        system: `System` at the equilibrium, factored.
-        rows: `ConstraintRows`, those beyond the third of contact points.
+        conditions: fields of `Conditions`, as a plain tuple, see `entry_points`; so are the next ones.
+        section, grid: of `Section` and `Grid`.
+        enrichment: of `Enrichment`.
+        system: of `System` at the equilibrium, factored.
+        rows: of `ConstraintRows`, those beyond the third of contact points.
         count: number of rows.
-        estimate: `Estimate`.
+        estimate: of `Estimate`.
     """
-    re, f = conditions.re, conditions.f
+    _, re, f = conditions
     K, natural = section
     h, s0, _ = grid
-    tables, bubble = enrichment
+    fine, bubble = enrichment
+    tables = Tables(*fine)
+    system = system_of(system)
     N, dN, points, weights = tables.values, tables.slopes, tables.points, tables.weights
     g = system.evaluation.g
     V, _, _, lines, upto = rows

@@ -10,8 +10,10 @@ import numpy as np
 
 from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import entry_points, quaternion, warm_step
+from cable_ros.rod.clamp_stiffness import clamp_response
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.extensible_kernels import stretch_polyline
+from cable_ros.rod.extensible_step import advance_stretching, moments
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY, TWIST, Tables
 from cable_ros.solve.trust_region import Options
@@ -20,15 +22,15 @@ Conditions = tuple[np.ndarray, np.ndarray, np.ndarray]
 """End frame, end position and load, as `Rod.set_conditions` takes them."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 SLACK = 0.95
-"""A cold start begins with the clamps no farther apart than this, parts of the length, and inextensible."""
+"""Maximum distance of the clamps, L, at which a cold start begins, with an inextensible rod."""
 KICKS = (0.3, -0.3, 1.0, -1.0)
-"""rad; how far along the softest mode a descent is started where a branch has ended."""
+"""Rotations, rad, along the softest mode from which a descent starts where a branch has ended."""
 PUSH = 10.0
 """EI / L^3; a load per length that bends the cable as far as it can."""
 SHORT = 0.7
-"""A cable may be pressed together to this part of its length."""
+"""Minimum length of a compressed cable, L."""
 SHORTEST = 1e-3
-"""Smallest part of the way from there before it counts as barred."""
+"""Minimum step of a continuation, fraction of the path."""
 
 
 class StretchingRod(Rod):
@@ -78,7 +80,7 @@ class StretchingRod(Rod):
         return float(self.totals[ENERGY]), self.totals[:ENERGY] - self.re, g
 
     def factor(self, mu: float) -> bool:
-        self.drift = 0.0
+        self.rotation = 0.0
         return entry_points.stretch_factor(self.saddle, self.reach, mu, self.mesh.element.order)
 
     def advance(
@@ -86,11 +88,11 @@ class StretchingRod(Rod):
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         q_new, F_new = np.empty_like(q), np.empty(3)
-        code, iterations, self.age, fresh = entry_points.advance_stretching(
+        code, iterations, self.rotation_before, fresh = advance_stretching(
             q, F, (qe, re, f), self.section, self.stretching, self.grid, self.saddle,
-            (tolerance, limit, self.drift, self.refresh), q_new, F_new,
+            (tolerance, limit, self.rotation, self.refactor_at), q_new, F_new,
         )  # fmt: skip
-        self.drift = 0.0 if fresh else self.age
+        self.rotation = 0.0 if fresh else self.rotation_before
         if code == warm_step.ADVANCED:
             self.set_conditions(qe, re, f)
         return code, iterations, q_new, F_new
@@ -98,7 +100,7 @@ class StretchingRod(Rod):
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """As `Rod.minimum`: near (q, F) by Newton's method, otherwise by way of the inextensible rod.
+        """As `Rod.minimum`: near (q, F) by Newton's method, otherwise from the inextensible rod.
 
         Where the branch of (q, F) ends, that of the inextensible rod may not yet: the descent then starts
         beside it, along the softest mode.
@@ -119,13 +121,13 @@ class StretchingRod(Rod):
     def _descend(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """By way of the inextensible rod from q, or of the straight one: that first where the rod is taut."""
+        """By continuation from the inextensible rod or, first if the rod is taut, from the straight one."""
         chord = max(float(np.linalg.norm(self.re)), 1e-12)
         if chord > SLACK and (found := self._from_straight(q, options.step_tolerance)):
             return found
         start = self.re * min(1.0, SLACK / chord)
         across = np.cross(start, np.eye(3)[np.argmin(np.abs(start))])
-        # a straight cable that is pulled taut passes its buckling load; a push from the side takes it round
+        # a straight cable that is pulled taut passes its buckling load; a push sideways guides it past that
         for push in (np.zeros(3), PUSH * across / max(float(np.linalg.norm(across)), 1e-12)):
             stiff = Rod(self.mesh, self.K, self.natural)
             stiff.set_conditions(self.qe, start, self.f + push)
@@ -154,11 +156,11 @@ class StretchingRod(Rod):
         rod = self.variant()
 
         def conditions(t: float) -> Conditions:
-            back = quaternion.conjugate(quaternion.part(start, IDENTITY, t))
-            there = quaternion.multiply(back, quaternion.part(end, self.qe, t))
+            back = quaternion.conjugate(quaternion.slerp(start, IDENTITY, t))
+            there = quaternion.multiply(back, quaternion.slerp(end, self.qe, t))
             return there, quaternion.rotate(back, self.re), t * quaternion.rotate(back, self.f)
 
-        found = _walk(rod, q, F, conditions, tolerance)
+        found = _continuation(rod, q, F, conditions, tolerance)
         return found if found is not None and self.refactor(*found[:2]) else None
 
     def _soften(
@@ -194,7 +196,7 @@ class StretchingRod(Rod):
                 rod.compliance = target[:3].copy()
                 return self.qe, target[3:6], target[6:]
 
-            found = _walk(rod, q, F, conditions, tolerance)
+            found = _continuation(rod, q, F, conditions, tolerance)
             if found is None:
                 return None
             q, F, count = found
@@ -220,7 +222,7 @@ class StretchingRod(Rod):
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         self.linearize(q, F)
         self.factor(-NEUTRAL)  # without what is added for stability's sake
-        plain = entry_points.clamp_response(q, F, (self.qe, self.re, self.f), self.grid, self.saddle)
+        plain = clamp_response(q, F, (self.qe, self.re, self.f), self.grid, self.saddle)
         # what the load adds by the stretch, when it turns against a start clamp that turns
         return plain + self._turning_load(q, F)
 
@@ -236,7 +238,7 @@ class StretchingRod(Rod):
             right, c = more[0] - less[0], more[1] - less[1]
             s, dF = np.empty(self.g.size), np.empty(3)
             entry_points.saddle_step(right, c, order, self.saddle, s, dF)
-            out[:, 3 + k] = -entry_points.moments(right, s, dF, self.qe, self.saddle[1])
+            out[:, 3 + k] = -moments(right, s, dF, self.qe, self.saddle[1])
         return out
 
     def _stretch(
@@ -255,18 +257,18 @@ class StretchingRod(Rod):
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """As `Rod.wrench_error`; the added polynomials see the stretch at the solution only."""
-        pull, way = self._stretch(q, F, self.f, self.fine)
-        return self._wrench_error(q, F, self.re - way, pull)
+        pull, displacement = self._stretch(q, F, self.f, self.fine)
+        return self._wrench_error(q, F, self.re - displacement, pull)
 
 
-def _walk(
+def _continuation(
     rod: StretchingRod,
     q: np.ndarray,
     F: np.ndarray,
     conditions: Callable[[float], Conditions],
     tolerance: float,
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """Follow the equilibrium (q, F) under conditions(0) to conditions(1); None where the way is barred."""
+    """Natural-parameter continuation of (q, F) from conditions(0) to conditions(1); None if it stops."""
     at, step, iterations = 0.0, 1.0, 0
     rod.set_conditions(*conditions(0.0))
     while at < 1.0:

@@ -11,6 +11,7 @@ from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import gradient, hessian
 from cable_ros.rod.extensible_kernels import stretch_gradient, stretch_hessian
+from cable_ros.rod.rod_state import Section, Stretch, Tangents, grid_of, system_of
 from cable_ros.rod.warm_step import (
     ADVANCED,
     LEAST_RATE,
@@ -80,10 +81,16 @@ def advance_stretching(q, F, conditions, section, stretch, grid, system, control
     The shape of a taut cable hardly shows how it answers to its force. There is no extrapolation.
 
     Args:
-        q, F, conditions, section, grid, system, control, q_new, F_new: as in `warm_step.advance`.
-        stretch: `Stretch`, overwritten but for the compliance.
+        q, F, q_new, F_new: as in `warm_step.advance`.
+        conditions: fields of `Conditions`, as a plain tuple, see `entry_points`; so are the next ones.
+        section, grid: of `Section` and `Grid`.
+        stretch: of `Stretch`, overwritten but for the compliance.
+        system: of `System`, overwritten.
+        control: of `StepControl`.
     """
     qe, re, f = conditions
+    section, stretch, grid = Section(*section), Stretch(*stretch), grid_of(grid)
+    system = system_of(system)
     evaluation, tangents, factors = system
     C, totals = tangents.C, evaluation.totals
     tolerance, limit, rotation, refactor_at = control
@@ -139,8 +146,9 @@ def moments(right, s, dF, qe, tangents):
         right: (3n,) the gradient's own change.
         s, dF: (3n,), (3,) the step.
         qe: (4,) end frame.
-        tangents: `Tangents`.
+        tangents: fields of `Tangents`, as a plain tuple.
     """
+    tangents = Tangents(*tangents)
     elastic, geometric, _, C = tangents
     n, band = elastic.shape[0], elastic.shape[1] - 1
     out = np.empty(12)

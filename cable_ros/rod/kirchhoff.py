@@ -10,6 +10,7 @@ import numpy as np
 
 from cable_ros.linalg import banded, bordered
 from cable_ros.rod import entry_points, error_estimate, quaternion, warm_step
+from cable_ros.rod.clamp_stiffness import clamp_response
 from cable_ros.rod.elements import Mesh, enrichment
 from cable_ros.rod.energy_kernels import workspace
 from cable_ros.rod.rod_state import ENERGY
@@ -19,8 +20,8 @@ ORDER = 6
 """Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
 
 REFRESH, OFF = 0.05, 0.1
-"""Factors, stability margin and error estimate are renewed when a section has turned this far, rad, since;
-sooner where the margin, going on to change as it last did, would be off by more than this part of itself."""
+"""Rotation of a section, rad, after which factors, stability margin and error estimate are renewed; and the
+relative error of the margin, extrapolated from its last change, at which they are renewed earlier."""
 NOTHING = np.zeros(3)
 NO_LINES, NO_ELEMENTS, NO_DELTA = np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0)
 """For `error_estimate.error`: nothing is touched."""
@@ -39,31 +40,31 @@ class Rod:
     """
 
     obstacles: np.ndarray | None = None
-    """What it may touch: nothing."""
+    """(o, WIDTH) obstacles; None: it touches nothing."""
 
     work = np.inf
     """Budget that is left of a solve, iterations times unknowns: results must not depend on the clock."""
 
     few = 3
-    """Iterations of a step after which the next one may be longer."""
+    """Maximum number of iterations of a step after which the next one may be longer."""
 
     cost = 1.0
     """Work of an iteration over that of a rod without contact."""
 
     remembers = False
-    """Whether falls keep friction's history."""
+    """Whether snap-throughs keep friction's history."""
 
     lies = False
-    """Whether it lies along something that rubs."""
+    """Whether it lies along an obstacle with friction."""
 
     stride = 2.0
-    """How much longer the next step may be than the last, or shorter it must be, for friction's sake."""
+    """Length of the next step over that of the last, as friction allows."""
 
     forgot = False
-    """Whether friction's history was lost in a descent, which knows nothing of it."""
+    """Whether friction's history was lost in a descent."""
 
     least = 1e-6
-    """A wrench below this, in units of the cable, counts as nothing in a relative error."""
+    """Wrench, in units of the cable, to which smaller ones are rounded up in a relative error."""
 
     def __init__(self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None) -> None:
         self.K = np.ascontiguousarray(stiffness, float)
@@ -97,8 +98,8 @@ class Rod:
             (self.elastic, self.geometric, self.parts, self.C),
             (self.A, self.L, self.pivots, self.Y, self.S),
         )
-        self._waves: np.ndarray | None = None
-        self.drift, self.age, self.refresh = np.inf, np.inf, REFRESH
+        self._start_vector: np.ndarray | None = None
+        self.rotation, self.rotation_before, self.refactor_at = np.inf, np.inf, REFRESH
         self.margin = np.nan
         # the last equilibria of `advance` on this mesh: the latest itself, how many, and all of them
         self.latest: np.ndarray | None = None
@@ -114,11 +115,11 @@ class Rod:
         self.qe, self.re, self.f = qe, re, f
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
-        """Which elements (elements,) are too long for something else than the wrench; see `BorderedRod`."""
+        """(m,) which elements are too long for contact, see `BorderedRod`."""
         return np.zeros(len(self.h), bool)
 
     def suited(self, mesh: Mesh) -> Mesh:
-        """The mesh, changed where this rod has to have boundaries between elements."""
+        """The mesh with the boundaries between elements that this rod needs."""
         return mesh
 
     def variant(
@@ -135,10 +136,10 @@ class Rod:
         return new
 
     def snapshot(self) -> Callable[[], Rod]:
-        """What makes a rod of its own that stands as this one does now; cheap until it is called."""
+        """A function that makes a copy of this rod as it is now; cheap until it is called."""
         return self.variant
 
-    def held(self) -> np.ndarray:
+    def contact_force(self) -> np.ndarray:
         """(3,): force of the obstacles on the rod."""
         return NOTHING
 
@@ -157,7 +158,7 @@ class Rod:
         return float(self.totals[ENERGY]), self.totals[:ENERGY] - self.re, g
 
     def factor(self, mu: float) -> bool:
-        self.drift = 0.0
+        self.rotation = 0.0
         return entry_points.factor(mu, self.mesh.element.order, self.saddle)
 
     def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -208,11 +209,11 @@ class Rod:
         return (result.x, result.y, result.iterations) if self.refactor(result.x, result.y) else None
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
-        """Set the factors up at (q, F); whether that is a strict minimum's."""
+        """Factor the tangent at (q, F); whether that is a strict minimum."""
         self.linearize(q, F)
         return self.factor(0.0)
 
-    # what a solution says
+    # what an equilibrium says
 
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
@@ -221,11 +222,23 @@ class Rod:
         """One warm-started solve, see `warm_step.advance`; returns code, iterations and the new (q, F)."""
         q_new, F_new = np.empty_like(q), np.empty(3)
         known = self.known if q is self.latest else 0
-        code, iterations, self.age, fresh = warm_step.advance(
-            q, F, qe, re, f, *self.arrays, known, tolerance, limit, self.drift, self.refresh, q_new, F_new
+        code, iterations, self.rotation_before, fresh = warm_step.advance(
+            q,
+            F,
+            qe,
+            re,
+            f,
+            *self.arrays,
+            known,
+            tolerance,
+            limit,
+            self.rotation,
+            self.refactor_at,
+            q_new,
+            F_new,
         )
         self.latest, self.known = None, 0
-        self.drift = 0.0 if fresh else self.age
+        self.rotation = 0.0 if fresh else self.rotation_before
         if code == warm_step.ADVANCED:
             self.set_conditions(qe, re, f)
             self.latest, self.known = q_new, min(known + 1, 3)
@@ -239,27 +252,27 @@ class Rod:
         """
         margin = self._softest()
         change = abs(margin - self.margin)
-        self.refresh = REFRESH
-        if change > 0.0 and self.age < np.inf:
-            self.refresh = min(REFRESH, OFF * margin * self.age / change)
+        self.refactor_at = REFRESH
+        if change > 0.0 and self.rotation_before < np.inf:
+            self.refactor_at = min(REFRESH, OFF * margin * self.rotation_before / change)
         self.margin = margin
         return margin
 
     def _softest(self) -> float:
         order, factors = self.mesh.element.order, self.saddle[2]
         return float(
-            entry_points.margin(self.elastic, self.C, 3, order, factors, self.mode, self.waves(), 50)
+            error_estimate.margin(self.elastic, self.C, 3, order, factors, self.mode, self.start_vector(), 50)
         )
 
-    def waves(self) -> np.ndarray:
-        """(3n,) some rotation of the sections that is smooth and zero at the clamps; elastic energy 1/2."""
-        if self._waves is None:
+    def start_vector(self) -> np.ndarray:
+        """(3n,) a smooth rotation of the sections, zero at the clamps, of elastic energy 1/2."""
+        if self._start_vector is None:
             k = np.arange(1, 5)
-            waves = np.sin(np.pi * np.outer(self.mesh.nodes, k)) / k**2
-            waves = (waves @ np.random.default_rng(0).normal(size=(4, 3))).ravel()
-            waves[:3] = waves[-3:] = 0.0
-            self._waves = waves / self.norm(waves)
-        return self._waves
+            start = np.sin(np.pi * np.outer(self.mesh.nodes, k)) / k**2
+            start = (start @ np.random.default_rng(0).normal(size=(4, 3))).ravel()
+            start[:3] = start[-3:] = 0.0
+            self._start_vector = start / self.norm(start)
+        return self._start_vector
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Derivative (12, 12) of the clamps' wrenches by their motions; see
@@ -267,7 +280,7 @@ class Rod:
         """
         self.linearize(q, F)
         self.factor(-bordered.NEUTRAL)
-        return entry_points.clamp_response(q, F, (self.qe, self.re, self.f), self.grid, self.saddle)
+        return clamp_response(q, F, (self.qe, self.re, self.f), self.grid, self.saddle)
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Estimated error (6,) of end force and moment, in units of the cable; see `error_estimate.error`."""
@@ -275,7 +288,7 @@ class Rod:
 
     def _wrench_error(self, q: np.ndarray, F: np.ndarray, re: np.ndarray, residual: np.ndarray) -> np.ndarray:
         rows = self.C, self.C, NO_DELTA, NO_LINES, NO_ELEMENTS
-        return entry_points.error(
+        return error_estimate.error(
             q, warm_step.spread(F, self.h), (self.qe, re, self.f), self.section, self.grid, self.enrichment,
             self.saddle, rows, 3, (NO_LINES, residual, self.shares),
         )  # fmt: skip
@@ -293,6 +306,6 @@ class Rod:
         """What friction adds to `relative_error`; see `BorderedRod`."""
         return 0.0
 
-    def rubs_anew(self) -> bool:
+    def friction_changed(self) -> bool:
         """Whether `friction_error` should be asked again; see `BorderedRod`."""
         return False

@@ -171,12 +171,12 @@ def polyline_anywhere(q, h, s0, values, primitives, powers, start, length, out_r
         position(c, h, s0, s, r)
         for b in range(3):
             out_r[i, b] = start[b] + length * r[b]
-        e, place = find_element(s, s0, h)
+        e, fraction = find_element(s, s0, h)
         w, x, y, z = 0.0, 0.0, 0.0, 0.0
         for k in range(order, -1, -1):
-            w = w * place + frames[e, k, 0]
-            x = x * place + frames[e, k, 1]
-            y = y * place + frames[e, k, 2]
-            z = z * place + frames[e, k, 3]
+            w = w * fraction + frames[e, k, 0]
+            x = x * fraction + frames[e, k, 1]
+            y = y * fraction + frames[e, k, 2]
+            z = z * fraction + frames[e, k, 3]
         n = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
         out_q[i, 0], out_q[i, 1], out_q[i, 2], out_q[i, 3] = n * x, n * y, n * z, n * w

@@ -104,7 +104,7 @@ class Conditions(NamedTuple):
 
 
 class StepControl(NamedTuple):
-    """When a step ends, fails, and factors anew; changes with every step."""
+    """When a step ends, fails, and refactors; changes with every step."""
 
     tolerance: float
     """Of what is left of nodal rotation, rad, and relative end force."""

@@ -185,7 +185,7 @@ def test_an_absent_effect_leaves_every_bit_and_call_as_it_was(
         (kirchhoff.entry_points, "linearize"),
         (kirchhoff.warm_step, "advance"),
         (kirchhoff.entry_points, "factor"),
-        (kirchhoff.entry_points, "error"),
+        (kirchhoff.error_estimate, "error"),
         (kirchhoff.entry_points, "saddle_step"),
     ):
         counted(owner, name)

@@ -72,9 +72,9 @@ def test_what_is_adopted_keeps_its_wrench_within_the_estimate(cells: int) -> Non
     found, rod = lain(), adopted(cells, 0.0)
     exact = np.concatenate((found.F, found.rod.g[-1]))
     assert error(rod, exact) < SPREAD * estimate(rod) < 1e-2
-    assert np.abs(rod.held() - found.rod.held()).max() < 2.0 * SPREAD * estimate(rod) * np.linalg.norm(
-        rod.end_force
-    )
+    assert np.abs(rod.contact_force() - found.rod.contact_force()).max() < 2.0 * SPREAD * estimate(
+        rod
+    ) * np.linalg.norm(rod.end_force)
 
 
 @pytest.mark.parametrize(

@@ -133,7 +133,7 @@ def test_a_tracker_gives_it_in_the_world() -> None:
     unit = Units(2.0, 0.5)
     begin = np.array([0.3, -0.2, 0.1, *quaternion.to_ros(rotation([0.3, 0.5, -0.4]))])
     response = tangent(rod, rod.shape, rod.end_force, unit, ["ball"], begin)
-    expected, held = rod.wrench_response(rod.shape, rod.end_force, [0]), rod.held()
+    expected, held = rod.wrench_response(rod.shape, rod.end_force, [0]), rod.contact_force()
     go(rod, Conditions(rod.qe, rod.re, rod.f, raised(rod._under, 0.01)))  # the rod moves on
     clamps, both = response([]), response(["ball"])
     scale = np.repeat([unit.force, unit.moment] * 2, 3)[:, None] / np.repeat([unit.length, 1.0] * 2, 3)

@@ -97,7 +97,7 @@ def vector(at: Sample, state: State) -> np.ndarray:
     for i in range(1, len(rows.psi) - 1):
         out[rows.psi[i] : rows.psi[i] + 3] = work.evaluation.g[i]
     for e in range(len(rows.F)):
-        out[rows.F[e] : rows.F[e] + 3] = work.way[e]
+        out[rows.F[e] : rows.F[e] + 3] = work.mismatch[e]
     for k in range(1, len(rows.F)):
         out[rows.r[k] : rows.r[k] + 3] = work.balance[k]
         for o in range(rows.contact.shape[1]):
@@ -170,7 +170,7 @@ def test_residuals_are_their_plain_twins(seed: int, drag: float) -> None:
     assert np.array_equal(work.kinds[1:-1], at.kinds[1:-1])
     assert work.near[1:-1].all()
     moments, ways, forces, contacts = plain(at)
-    assert work.way == pytest.approx(ways, abs=ROUNDING)
+    assert work.mismatch == pytest.approx(ways, abs=ROUNDING)
     assert work.balance == pytest.approx(forces, abs=1e3 * ROUNDING)
     assert work.contact == pytest.approx(contacts, abs=1e3 * ROUNDING)
     inner = slice(1, -1)

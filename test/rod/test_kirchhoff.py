@@ -173,8 +173,8 @@ def test_the_margin_that_is_kept_is_right_to_a_part_of_itself() -> None:
         qe, re, f = conditions_at(np.radians(degrees))
         code, _, q, F = rod.advance(q, F, qe if qe @ q[-1] > 0 else -qe, re, f, 1e-9)
         assert code == warm_step.ADVANCED
-        kept += rod.drift > 0.0
-        margin = rod.stability_margin() if rod.drift == 0.0 else margin
+        kept += rod.rotation > 0.0
+        margin = rod.stability_margin() if rod.rotation == 0.0 else margin
         twin = rod.variant()
         assert twin.refactor(q, F)
         # a tenth is aimed at; how fast the margin changes is known from before
@@ -275,7 +275,7 @@ def test_old_factors_serve_small_steps() -> None:
         qe = qe if qe @ q[-1] > 0 else -qe
         code, _, q, F = found.rod.advance(q, F, qe, re, f, 1e-11)
         assert code == warm_step.ADVANCED
-        kept += found.rod.drift > 0.0
+        kept += found.rod.rotation > 0.0
     assert kept > 5
     moved = Rod(found.rod.mesh, found.rod.K)
     moved.set_conditions(found.rod.qe, found.rod.re, found.rod.f)
