@@ -71,7 +71,8 @@ def advance(
     gv = evaluation.g.reshape(n)
     s, dF, c, theta = np.empty(n), np.empty(3), np.empty(3), np.empty(3)
     Fe = np.empty((grid.h.shape[0], 3))
-    target = as_vector(qe, re, f)
+    target = np.empty(conditions.shape[1])
+    as_vector(qe, re, f, target)
     ready = known > 0 and same(f, conditions[0, LOAD:])
     jumped = extrapolate(path, known, target, q_new, F_new) if known > 1 else 0.0
     if jumped == 0.0:
@@ -132,16 +133,14 @@ def advance(
     return NOT_CONTRACTING, iteration, rotation, fresh
 
 
-@njit(**OPTIONS)
-def as_vector(qe, re, f):
-    """The conditions qe (4,), re (3,), f (3,) as one vector (10,)."""
-    out = np.empty(10)
+@njit(**LEAF)
+def as_vector(qe, re, f, out):
+    """The conditions qe (4,), re (3,), f (3,) as one vector out (10,)."""
     for a in range(4):
         out[a] = qe[a]
     for a in range(3):
         out[POSITION + a] = re[a]
         out[LOAD + a] = f[a]
-    return out
 
 
 @njit(**LEAF)
@@ -211,7 +210,7 @@ def signed_distance(origin, at, target):
     return np.sqrt(size) if side > 0.0 else -np.sqrt(size)
 
 
-@njit(**OPTIONS)
+@njit(**LEAF)
 def remember(q, F, target, path):
     """Put the equilibrium q (n, 4), F (3,) under the conditions `target` (10,) first in the `Path` path."""
     shapes, forces, conditions = path
