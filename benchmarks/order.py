@@ -89,7 +89,7 @@ def measure(arm: Arm, exact: list[Found], order: int, quadrature: int, elements:
         for _ in range(STEPS):
             rod.linearize(found.q, found.F)
             rod.factor(0.0)
-            rod.drift = np.inf  # so that the step makes them anew
+            rod.rotation = np.inf  # so that the step makes them anew
             begin = time.perf_counter()
             advance(rod, found, target)
             seconds.append(time.perf_counter() - begin)

@@ -135,7 +135,7 @@ def against_the_floor(scene: Scene) -> Iterator[Figure]:
         (equilibrium,) = tracker.solve({name: angle}).values()
         seconds = time.perf_counter() - begin
         assert follower._rod is not None
-        (renewed if follower._rod.drift == 0.0 else kept).append(seconds)
+        (renewed if follower._rod.rotation == 0.0 else kept).append(seconds)
         corrections.append(equilibrium.iterations)
     mesh = follower._rod.mesh
     least = floor.measure(len(mesh.lengths), mesh.element.order)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
-from cable_ros.contact.points import KIND, PLACE, SAMPLE
+from cable_ros.contact.points import ARC_LENGTH, KIND, SAMPLE
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.units import Units
@@ -141,7 +141,7 @@ def test_the_wrench_has_twice_the_order_of_the_elements(
     rod, q, force = follower.rod, follower.q, follower._F
     assert isinstance(rod, TouchingRod)
     rows = rod.points[: rod.count]
-    bounds = np.array([0.0, *np.sort(rows[rows[:, KIND] != SAMPLE, PLACE]), 1.0])
+    bounds = np.array([0.0, *np.sort(rows[rows[:, KIND] != SAMPLE, ARC_LENGTH]), 1.0])
     unit = Units(1.0, float(np.sqrt(np.prod(case.reference.stiffness[:2])))).force
     exact = np.linalg.norm(case.reference.end_wrench[:3]) / unit
     errors = []
@@ -151,9 +151,7 @@ def test_the_wrench_has_twice_the_order_of_the_elements(
         coarse = rod.variant(mesh)
         shape = rod.mesh.interpolate(q, mesh.nodes)
         shape[0], shape[-1] = q[0], q[-1]
-        code, _, _, found = coarse.touch(
-            shape, force, coarse.qe, coarse.re, coarse.f, 1e-9, 1.0, coarse.obstacles, remesh=False
-        )
+        code, _, _, found = coarse.correct(shape, force, 1e-9, remesh=False)
         assert code == ADVANCED
         errors.append(abs(np.linalg.norm(found) - exact) / exact)
     rates = np.log(np.divide(errors[:-1], errors[1:])) / np.log(np.divide(counts[1:], counts[:-1]))

@@ -10,7 +10,7 @@ import numpy as np
 from cable_ros.branch.cold_start import (
     Conditions,
 )
-from cable_ros.contact.distance import nearest, placed
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, nearest, placed
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.shortest_path import too_short
 from cable_ros.effects.effect import Properties
@@ -48,7 +48,7 @@ class CableModel:
         self._model = FRICTIONLESS
         if properties.obstacles is not None and properties.friction is not None and properties.friction.any():
             self._obstacles = properties.obstacles.copy()
-            self._obstacles[:, 17] = properties.friction
+            self._obstacles[:, FRICTION_COEFFICIENT] = properties.friction
             self._model = MODELS[properties.friction_model]
 
     @property

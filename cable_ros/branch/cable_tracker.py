@@ -34,6 +34,7 @@ from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
 
@@ -51,7 +52,7 @@ WORK = 150_000
 """The same among obstacles, about 300 ms at 2 us; ways that lead somewhere take a fourth of it."""
 PROGRESS = 0.01
 """Part of the longest step that a solve must get on with its budget; otherwise it is stuck."""
-TWIST = 1e-2
+SAME_TWIST = 1e-2
 """Difference of total twist, rad, below which two meshes show the same equilibrium."""
 BARRED = 1.0
 """Number of longest steps beyond which a way is first asked whether anything bars it."""
@@ -234,7 +235,7 @@ class CableTracker(TrackedEquilibrium):
             return free(t, one.rod.qe)
 
         led = walk(one.rod, one.q, one.F, path, ALGEBRAIC * self.tolerance)
-        return float(led.rod.totals[4]) if led.end is End.ARRIVED else np.nan
+        return float(led.rod.totals[TWIST]) if led.end is End.ARRIVED else np.nan
 
     def _resolve(self) -> None:
         """Bring the equilibrium to another tolerance on its branch; forget it if that fails."""
@@ -245,11 +246,11 @@ class CableTracker(TrackedEquilibrium):
             return
         spare = copy.deepcopy(rod)
         if rod.refactor(self._q, self._F):
-            found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
+            found = Found(rod, self._q, self._F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), 0)
             if not touches(rod):
                 # its mesh may be too fine as well
                 other = on_mesh(found, better_mesh(rod, rod.relative_error(self._q, self._F), tolerance))
-                found = found if other is None or abs(other.twist - found.twist) > TWIST else other
+                found = found if other is None or abs(other.twist - found.twist) > SAME_TWIST else other
             fine, estimate = refine(found, tolerance)
             if estimate <= tolerance:
                 self._take(fine, self._joints)

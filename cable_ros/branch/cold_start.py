@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_ros.contact.penalty_continuation import descend
-from cable_ros.contact.shortest_path import ways
+from cable_ros.contact.shortest_path import taut_strings
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.extensible import SLACK, StretchingRod
 from cable_ros.rod.initial_shapes import along, aside, starts
 from cable_ros.rod.kirchhoff import ORDER, Rod
+from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.solve.trust_region import Options
 
 AIM, ACCEPT = 0.1, 0.45
@@ -44,7 +45,7 @@ class Conditions:
     re: np.ndarray
     f: np.ndarray
     obstacles: np.ndarray | None = None
-    """(n, contact_kernels.WIDTH); None: nothing to touch."""
+    """(n, distance.WIDTH); None: nothing to touch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ def _found(rod: Rod, result: tuple[np.ndarray, np.ndarray, int] | None) -> Found
     if result is None:
         return None
     q, F, iterations = result
-    return Found(rod, q, F, float(rod.totals[3]), float(rod.totals[4]), iterations)
+    return Found(rod, q, F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), iterations)
 
 
 def on_mesh(found: Found, mesh: Mesh) -> Found | None:
@@ -216,7 +217,7 @@ class Starts:
             self._keep(one)
         if not self._shapes and not self.found and self._strings is None and rod.obstacles is not None:
             # soft obstacles let a taut cable through, and hard ones then hold it on the wrong side
-            self._strings = ways(rod.re, rod.obstacles, 1.0)
+            self._strings = taut_strings(rod.re, rod.obstacles, 1.0)
             self._seen = []
         return left
 

@@ -15,6 +15,7 @@ from cable_ros.contact.travel import travel
 from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import TWIST
 from cable_ros.solve.trust_region import Options
 
 SHORTEST = 1e-4
@@ -231,7 +232,7 @@ def _fallen(
     margin is known to be negative at the end of the step.
     """
     at, margin = margins[-1]
-    touched = bool(rod.held().any()) and not rod.remembers
+    touched = bool(rod.contact_force().any()) and not rod.remembers
     shape, standing = rod.mesh.interpolate(q, GRID), rod.snapshot()()
     fallen = fall(rod, q, F, path(min(1.0, at + step)))
     if fallen is None:
@@ -282,12 +283,12 @@ def fall(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> tupl
     Returns the stable equilibrium it ends in, and energy and twist of the start; None where none was reached.
     """
     energy, _, _ = rod.linearize(q, F)
-    twist = float(rod.totals[4])
+    twist = float(rod.totals[TWIST])
     rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
     q = q.copy()
     q[-1] = conditions.qe if q[-1] @ conditions.qe > 0.0 else -conditions.qe
     # of two mirror images the same one, whatever the last bit
-    q = rod.retract(q, ASIDE * rod.waves())
+    q = rod.retract(q, ASIDE * rod.start_vector())
     found = settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
     return None if found is None else (found, energy, twist)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_ros.contact.clearance import clearance
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.points import FORCE, FRICTION, LENGTH, PLACE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, LENGTH
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.limits import QUANTITIES, Extreme
 from cable_ros.rod import quaternion
@@ -68,7 +68,7 @@ def point_forces(rod: Rod) -> tuple[np.ndarray, np.ndarray]:
         arc_lengths, _, _, forces, _, _, lengths = rod.contacts()
     elif isinstance(rod, TouchingRod) and rod.count:
         points = rod.points[: rod.count]
-        arc_lengths, lengths = points[:, PLACE], points[:, LENGTH]
+        arc_lengths, lengths = points[:, ARC_LENGTH], points[:, LENGTH]
         forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     else:
         return NO_ARC_LENGTHS, NO_LINES

@@ -7,16 +7,17 @@ import numpy as np
 
 from cable_ros.branch.cold_start import LIMIT, Conditions, Found, first_mesh, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
-from cable_ros.contact.nodal_rod import NodalRod, places_for
+from cable_ros.contact.nodal_contacts import places_for
+from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
-from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
-from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.initial_shapes import starts
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.rod.units import relative_change
 from cable_ros.solve.trust_region import Options
 
@@ -49,10 +50,10 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
         return None
     points = rod.points[: rod.count]
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
-    force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.held()))
+    force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.contact_force()))
     new = NodalRod(rod.K, rod.natural, rod.obstacles, places_for(float(force)), rod.model == COULOMB)
     new.work = max(rod.work, WORK)
-    adopted = new.adopt(rod, q, F, points[:, PLACE], forces, points[:, OBSTACLE].astype(int))
+    adopted = new.adopt(rod, q, F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int))
     return new if adopted else None
 
 
@@ -62,7 +63,7 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         return None
     assert rod.obstacles is not None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-    first = first_mesh(conditions, float(rod.totals[4]), tolerance)
+    first = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
     left = given = min(rod.work, EXACT_WORK)
     found = None
     for _ in TRIALS:
@@ -78,7 +79,8 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         result = _taken_over(new, q, rod) if stage is None else descend(new, q, rod.end_force, SETTLE, stage)
         left = new.work
         if result is not None:
-            one = Found(new, result[0], result[1], float(new.totals[3]), float(new.totals[4]), result[2])
+            energy, twist = float(new.totals[ENERGY]), float(new.totals[TWIST])
+            one = Found(new, result[0], result[1], energy, twist, result[2])
             one, estimate = refine(one, tolerance)
             if estimate <= tolerance and _same(rod, one):
                 found = one
@@ -91,14 +93,12 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
 def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndarray, np.ndarray, int] | None:
     """The equilibrium of the `new` rod next to the grid's, from its shape q (n, 4) there and its contacts."""
     assert new.obstacles is not None
-    curve(q, new.h, new.tables[0], new.primitives, new.c)
+    new.trace(q)
     at, which = np.nonzero(rod.lies_on(LEVEL))
     places = np.append(rod.s0, 1.0)[at]
     give_contacts(new, q, which, places, rod.state.lam[at, which], 1.0 / rod.cells)
     q = new.fit_patches(q)
-    code, iterations, q_new, F_new = new.touch(
-        q, rod.end_force, new.qe, new.re, new.f, SETTLE.step_tolerance, 1.0, new.obstacles
-    )
+    code, iterations, q_new, F_new = new.correct(q, rod.end_force, SETTLE.step_tolerance)
     return (q_new, F_new, iterations) if code == warm_step.ADVANCED else None
 
 

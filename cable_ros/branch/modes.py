@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.contact.distance import across, gap
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, across, gap
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.points import FORCE, OBSTACLE, PLACE, SLIPS
+from cable_ros.contact.points import ARC_LENGTH, FORCE, OBSTACLE, SLIPS
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.equilibrium import Modes
 from cable_ros.linalg.bordered import NEUTRAL
@@ -157,12 +157,12 @@ def _active_set(rod: TouchingRod, moved: Motion) -> Held:
     stiffness = (V[soft].T / delta[soft]) @ V[soft]
     points = rod.points[: rod.count]
     assert rod.obstacles is not None
-    rough = rod.obstacles[points[:, OBSTACLE].astype(int), 17] > 0.0
+    rough = rod.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT] > 0.0
     sticks = np.flatnonzero(rough & (points[:, FORCE] > 0.0) & (points[:, SLIPS] == 0.0))
     rows = [V[~soft]]
     if rod.model == COULOMB and len(sticks):
         directions = np.empty((2, 3))
-        for i, J in zip(sticks, moved.at(points[sticks, PLACE]), strict=True):
+        for i, J in zip(sticks, moved.at(points[sticks, ARC_LENGTH]), strict=True):
             across(rod.normals[i], directions)
             rows.append(directions @ J)
     return np.concatenate(rows), stiffness if soft.any() else np.zeros((size, size))

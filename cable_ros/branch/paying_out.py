@@ -15,16 +15,18 @@ import numpy as np
 from cable_ros.branch import handover
 from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Starts, refine
 from cable_ros.branch.continuation import End, walk
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import FRICTIONLESS
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.shortest_path import ways
+from cable_ros.contact.shortest_path import taut_strings
 from cable_ros.contact.travel import CONTACT_STEP
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import ENERGY, TWIST
 
 SLACK = (1.05, 1.15)
 """Lengths of the short cable in turn, over that of the shortest way past the obstacles."""
-POSITION, DIMENSIONS = slice(1, 4), slice(13, 17)
-"""Columns of an obstacle that are lengths, see `distance.WIDTH`."""
+LENGTHS = (slice(CENTRE, AXES), slice(DIMENSIONS, FRICTION_COEFFICIENT))
+"""Columns of an obstacle that are lengths."""
 LOOSE = 1e-2
 """Tolerance on the way: only its end is refined."""
 PIECE = 50_000.0
@@ -90,7 +92,7 @@ class PayingOut:
         """Search for a short cable; returns the work that it took."""
         whole = self._conditions
         assert whole.obstacles is not None
-        strings = ways(whole.re, whole.obstacles, 1.0)
+        strings = taut_strings(whole.re, whole.obstacles, 1.0)
         if not strings:
             self._left.clear()
             return 0.0
@@ -111,7 +113,7 @@ class PayingOut:
             return handover.exact(rod, self._tolerance, FRICTIONLESS), LIMIT - rod.work
         if not rod.refactor(q, F):
             return None, 0.0
-        one = Found(rod, q, F, float(rod.totals[3]), float(rod.totals[4]), 0)
+        one = Found(rod, q, F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), 0)
         found, estimate = refine(one, self._tolerance)
         return found if estimate <= self._tolerance else None, found.iterations * found.rod.iteration_work
 
@@ -120,6 +122,6 @@ def _shortened(whole: Conditions, length: float) -> Conditions:
     """The pose as a cable of that length sees it, parts of the whole."""
     assert whole.obstacles is not None
     obstacles = whole.obstacles.copy()
-    obstacles[:, POSITION] /= length
-    obstacles[:, DIMENSIONS] /= length
+    for columns in LENGTHS:
+        obstacles[:, columns] /= length
     return replace(whole, re=whole.re / length, obstacles=obstacles)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,8 @@ from cable_ros.contact.report import contact_table, on_grid
 from cable_ros.contact.response import cross_matrix
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
-from cable_ros.rod import quaternion, warm_step
-from cable_ros.rod.elements import Mesh, Sampling, integrals, sampling
+from cable_ros.rod import output, quaternion
+from cable_ros.rod.elements import Mesh, integrals, sampling
 from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
@@ -28,7 +29,7 @@ def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarr
     `rod` is at an equilibrium with the end force F (3,), in units of the cable.
     """
     end, start = np.empty(6), np.empty(6)
-    warm_step.wrenches(F, rod.f, rod.held(), rod.qe, rod.g, unit.force, unit.moment, end, start)
+    output.wrenches(F, rod.f, rod.contact_force(), rod.qe, rod.g, unit.force, unit.moment, end, start)
     return end, start
 
 
@@ -36,7 +37,7 @@ class Reader:
     """Reads wrenches, points and frames of the centreline off rods; keeps the table of the last mesh."""
 
     def __init__(self) -> None:
-        self._known: tuple[Mesh, int, Sampling] | None = None
+        self._known: tuple[Mesh, int, Units, tuple[Any, ...]] | None = None
 
     def read(
         self, rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, count: int
@@ -53,25 +54,20 @@ class Reader:
         """
         end_wrench, start_wrench = np.empty(6), np.empty(6)
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
-        scale = unit.force, unit.moment, unit.length
+        out, contact = (end_wrench, start_wrench, points, orientations), rod.contact_force()
         if isinstance(rod, TouchingRod) and rod.count:
-            element = rod.mesh.element
-            warm_step.read_anywhere(
-                q, F, rod.f, rod.held(), rod.qe, rod.g, rod.h, rod.s0, integrals(element.order), start, scale,
-                end_wrench, start_wrench, points, orientations,
-            )  # fmt: skip
-            return end_wrench, start_wrench, points, orientations
+            table = (unit.force, unit.moment, unit.length), integrals(rod.mesh.element.order)
+            output.read_anywhere(q, (rod.h, rod.s0), start, F, rod.f, contact, rod.qe, rod.g, table, out)
+            return out
         known = self._known
-        if known is None or known[0] is not rod.mesh or known[1] != count:
-            self._known = known = rod.mesh, count, sampling(rod.mesh, count)
-        table = known[2]
-        warm_step.read(
-            q, F, rod.f, rod.held(), rod.qe, rod.g, rod.h, table.element, table.values, table.weights,
-            table.quadrature, start, scale, end_wrench, start_wrench, points, orientations,
-        )  # fmt: skip
+        if known is None or known[0] is not rod.mesh or known[1] != count or known[2] is not unit:
+            scale = unit.force, unit.moment, unit.length
+            self._known = known = rod.mesh, count, unit, (scale, tuple(sampling(rod.mesh, count)))
+        table = known[3]
+        output.read(q, rod.h, start, F, rod.f, contact, rod.qe, rod.g, table, out)
         if isinstance(rod, StretchingRod):
-            rod.stretch_points(q, F, table, start, unit.length, points)
-        return end_wrench, start_wrench, points, orientations
+            rod.stretch_points(q, F, table[1], start, unit.length, points)
+        return out
 
 
 def touching(

@@ -9,6 +9,7 @@ import numpy as np
 
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.continuation import Fall
+from cable_ros.contact.distance import POSE
 from cable_ros.equilibrium import Status
 
 ASK = 0.1
@@ -138,7 +139,7 @@ def motion(a: Conditions, b: Conditions) -> float:
     out = max(float(np.abs(a.re - b.re).max()), float(turned), float(weighed))
     if a.obstacles is not None and b.obstacles is not None:
         # centre and axes of each obstacle
-        out = max(out, float(np.abs(a.obstacles[:, 1:13] - b.obstacles[:, 1:13]).max()))
+        out = max(out, float(np.abs(a.obstacles[:, POSE] - b.obstacles[:, POSE]).max()))
     return out
 
 

@@ -21,7 +21,7 @@ from cable_ros.branch.cold_start import (
 from cable_ros.branch.continuation import FREE_TO_TURN, Fall
 from cable_ros.branch.extremes import Obstacles, extremes
 from cable_ros.branch.standing import Loss, Standing, alone, motion
-from cable_ros.contact.distance import placed
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, placed
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
@@ -32,6 +32,7 @@ from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Overlap, Status
 from cable_ros.limits import Extreme
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.scene import Cable
 from cable_ros.scene.cable_limits import CableLimits
 
@@ -39,7 +40,7 @@ GRID = 0.05
 """Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
 COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
-SINKS = "The cable could not be kept out of what it touches between the places that hold it."
+SINKS = "The cable still penetrates an obstacle between contact points."
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
 """What a result says whose stability margin is 0."""
 
@@ -113,11 +114,11 @@ class TrackedEquilibrium(CableModel):
 
     def _alone(self, rod: Rod, free: float | None) -> bool:
         """Whether no other equilibrium is near, and it has as many turns as one of the twist `free`, rad."""
-        if free is not None and not abs(float(rod.totals[4]) - free) < np.pi:
+        if free is not None and not abs(float(rod.totals[TWIST]) - free) < np.pi:
             return False
         energy, _, _ = rod.linearize(self._q, self._F)
         rod.factor(0.0)
-        here = Found(rod, self._q, self._F, energy, float(rod.totals[4]), 0)
+        here = Found(rod, self._q, self._F, energy, float(rod.totals[TWIST]), 0)
         return alone(here, self._stiffness, self._natural, self._compliance, self.tolerance)
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
@@ -143,12 +144,12 @@ class TrackedEquilibrium(CableModel):
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
             if self._estimate > self.tolerance and status is Status.CONVERGED:
                 message = f"{message[:-1]}{ON_GRID.format(self._estimate)}"
-        elif rod.drift == 0.0 or not self._estimate <= self.tolerance or rod.rubs_anew():
+        elif rod.rotation == 0.0 or not self._estimate <= self.tolerance or rod.friction_changed():
             self._estimate = rod.relative_error(self._q, self._F)
             sinks = rod.unresolved(self._q, LENIENT).any()
             beside = rod.clamp_errors(self._q, self._F).max()
             if max(self._estimate, beside) > ACCEPT * self.tolerance or sinks:
-                found = Found(rod, self._q, self._F, float(rod.totals[3]), float(rod.totals[4]), 0)
+                found = Found(rod, self._q, self._F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), 0)
                 fine, self._estimate = refine(found, self.tolerance)
                 iterations += fine.iterations
                 before = rod, self._q, self._F
@@ -163,15 +164,15 @@ class TrackedEquilibrium(CableModel):
                 return self._finish(status, message, iterations, poses, begin)
             if self._estimate > self.tolerance:
                 message = (
-                    f"The end wrench cannot be had to {self.tolerance:.0e}: its estimated error stays"
-                    f" {self._estimate:.1e}."
+                    f"The estimated error of the end wrench, {self._estimate:.1e}, exceeds the tolerance"
+                    f" {self.tolerance:.0e}."
                 )
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
             if sinks:
                 return self.failed(Status.NOT_CONVERGED, SINKS, time.perf_counter() - begin)
             self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])
-        elif self._apart < self._diameter + self._units.length * rod.drift:
+        elif self._apart < self._diameter + self._units.length * rod.rotation:
             # two points can have come so much nearer since that was last looked at
             self._apart = self._closest_approach(poses[0])
         if rod.forgot:
@@ -190,17 +191,17 @@ class TrackedEquilibrium(CableModel):
             message = f"{message} {warning(self._apart, self._diameter)}"
         if self.choice is not None:
             message += self.choice.note
-        self._twist = float(rod.totals[4])
+        self._twist = float(rod.totals[TWIST])
         start = poses[0]
         end_wrench, start_wrench, points, orientations = self._reader.read(
             rod, self._q, self._F, start, unit, self.polyline_points
         )
-        friction = None if self._obstacles is None else self._obstacles[:, 17]
+        friction = None if self._obstacles is None else self._obstacles[:, FRICTION_COEFFICIENT]
         return Equilibrium.of(
             status=status, message=message, converged=standing.loss is None, stable=True,
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
             points=points, orientations=orientations, total_twist=self._twist,
-            energy=float(rod.totals[3]) * unit.moment - unit.length * float(self._weight @ start[:3]),
+            energy=float(rod.totals[ENERGY]) * unit.moment - unit.length * float(self._weight @ start[:3]),
             error_estimate=self._estimate, iterations=iterations,
             solve_time=time.perf_counter() - begin, overlaps=overlaps,
             _tangent=results.Tangent(rod, self._q, self._F, unit, self._names, start, self._density),

@@ -5,24 +5,34 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.fixed_set import BorderedRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.meshing import fitted, layered
-from cable_ros.contact.newton import touch
+from cable_ros.contact.newton import active_set_newton
 from cable_ros.contact.patches import resample
-from cable_ros.contact.points import FORCE, FRICTION, HELD, KIND, OBSTACLE, PLACE, POINT, SLIPS, TIE
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    BEFORE,
+    FORCE,
+    FRICTION,
+    INTERFACE,
+    KIND,
+    OBSTACLE,
+    POINT,
+    SLIPS,
+)
 from cable_ros.contact.travel import FRICTION_CHANGE, FRICTION_LEAST, SHORTER, stride, travel
 from cable_ros.rod import quaternion, warm_step
-from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
 
 DENSE = 20.0
-"""The square of so many constraint rows takes as long as one unknown of the band: 2 us."""
+"""The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
 
 class ActiveSetRod(BorderedRod):
-    """A rod whose contact points belong to its last equilibrium: `touch` changes them, together with the
-    lengths of the elements, and puts them back if it fails.
+    """A rod whose contact points belong to its last equilibrium: `step_in_contact` changes them, together
+    with the lengths of the elements, and puts them back if it fails.
     """
 
     @property
@@ -32,7 +42,7 @@ class ActiveSetRod(BorderedRod):
 
     @property
     def lies(self) -> bool:  # type: ignore[override]
-        """Whether it lies along something that rubs."""
+        """Whether it lies along an obstacle with friction."""
         return self.model == COULOMB and bool((self.points[: self.count, KIND] != POINT).any())
 
     def spend(self, iterations: int) -> None:
@@ -45,20 +55,18 @@ class ActiveSetRod(BorderedRod):
         return self.elastic.shape[0] + self.rows**2 / DENSE
 
     def _let_go(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-        """The equilibrium (q, F) on a fresh mesh with the friction that it had: what sticks goes along.
+        """The equilibrium (q, F) on a fresh mesh with the friction that it had: what sticks moves with it.
 
-        A finer mesh shows the shape better everywhere; that is no motion against which friction would act.
-        Only where points touch: the samples of a stretch are others on another mesh.
+        A finer mesh shows the shape better everywhere; friction does not act against that change. Only for
+        contact points: the samples of a patch are others on another mesh.
         """
         points = self.points[: self.count]
-        if self.model != COULOMB or not points[:, FRICTION:HELD].any() or (points[:, KIND] != POINT).any():
+        if self.model != COULOMB or not points[:, FRICTION:BEFORE].any() or (points[:, KIND] != POINT).any():
             return q, F
         assert self.obstacles is not None
         kept, mesh = self.state(), self.mesh
         self.model = FRICTIONLESS
-        code, _, q_new, F_new = self.touch(
-            q, F, self.qe, self.re, self.f, tolerance, 0.6, self.obstacles, remesh=False
-        )
+        code, _, q_new, F_new = self.correct(q, F, tolerance, 0.6, remesh=False)
         self.model, self.ready = COULOMB, False
         same = self.count == kept[1] and (self.points[: self.count, OBSTACLE] == kept[0][:, OBSTACLE]).all()
         if code == warm_step.ADVANCED and same:
@@ -67,16 +75,16 @@ class ActiveSetRod(BorderedRod):
         return q, F
 
     def fit(self, q: np.ndarray) -> np.ndarray:
-        """Change to a mesh that holds the contact points well; returns the shape q (n, 4) on it."""
+        """Change to a mesh fitted to the contact points; returns the shape q (n, 4) on it."""
         points = self.points[: self.count]
         return self._onto(fitted(self.mesh.element, list(self.s0[1:]), points, self.finest()), q)
 
     def fit_patches(self, q: np.ndarray) -> np.ndarray:
-        """`fit` if the cable lies along anything; held by points alone it keeps its mesh."""
+        """`fit` if the cable lies along anything; with contact points alone it keeps its mesh."""
         return self.fit(q) if (self.points[: self.count, KIND] != POINT).any() else q
 
     def resolve(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Change to a mesh that is fine enough for how end force F bends q about the points; q on it."""
+        """Change to a mesh fine enough for the layers in which the end force F bends the cable; q on it."""
         mesh = layered(self.mesh, self.points[: self.count], float(np.linalg.norm(F)))
         return q if len(mesh.lengths) == len(self.h) else self._onto(mesh, q)
 
@@ -84,70 +92,77 @@ class ActiveSetRod(BorderedRod):
         fresh = self.mesh.interpolate(q, mesh.nodes)
         fresh[0], fresh[-1] = q[0], q[-1]
         self._allocate(mesh)
-        self.points[: self.count, TIE] = -1.0
+        self.points[: self.count, INTERFACE] = -1.0
         self.count = resample(self.points, self.count, self.h, self.s0)
         return fresh
 
     def state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
-        """What `restore` takes: contact points, their number, lengths and starts of the elements."""
+        """Contact points, their number, lengths and starts of the elements, for `restore`."""
         return self.points[: self.count].copy(), self.count, self.h.copy(), self.s0.copy()
 
     def restore(
         self, state: tuple[np.ndarray, int, np.ndarray, np.ndarray], mesh: Mesh | None = None
     ) -> None:
-        """Put back a `state`; and where it may have changed the `mesh`, too."""
+        """Put back a `state`, and the `mesh` if it may have changed."""
         if mesh is not None and self.mesh is not mesh:
             self._allocate(mesh)
         points, self.count, self.h[:], self.s0[:] = state
         self.points[: self.count] = points
 
-    def touch(
+    def correct(
+        self, q: np.ndarray, F: np.ndarray, tolerance: float, limit: float = 1.0, remesh: bool = True
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:
+        """`step_in_contact` under the conditions that are set, from (q, F) nearby."""
+        assert self.obstacles is not None
+        return self.step_in_contact(q, F, self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh)
+
+    def step_in_contact(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """One solve with contact points, from the equilibrium (q, F) with its own; see `newton.touch`."""
-        kept, sense, mesh = self.state(), self.sense, self.mesh
+        """One solve with contact points, from the equilibrium (q, F) with its own.
+
+        Returns code, iterations and the new (q, F), see `newton.active_set_newton`.
+        """
+        kept, direction, mesh = self.state(), self.direction, self.mesh
         self.latest, self.stride = None, 2.0  # the gradient will be another's
-        Y, S = (self.borders, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
+        Y, S = (self.responses, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
         spent = 0
         if remesh and self.model == SLIDING:
             q, F, spent = self._reverse(q, F, re, tolerance, limit)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
-            known = self.settled is q
-            code, iterations, self.count, self.rows, moved, turned = touch(
-                q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
-                self.primitives, self.samples, obstacles, self.obstacles, self.sense, self.model,
-                self.points, self.count, self.rows, self.ready, known, self.f, self.gaps, self.normals,
-                self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.V, self.W,
-                self.delta, self.lines, self.upto, Y, S, self.acc, self.g, self.radial, self.totals,
-                tolerance, self.depth, self.give, self.finest(), limit, self.drift, self.refresh, q_new,
-                F_new,
+            last = q, F, self.f, self.obstacles, self.count, self.rows, self.ready, self.settled is q
+            factors = self.A, self.L, self.pivots, Y, S
+            options = self.model, self.direction, self.samples, self.depth, self.give, self.finest()
+            code, iterations, self.count, self.rows, moved, turned = active_set_newton(
+                last, (qe, re, f), obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
+                options, (tolerance, limit, self.rotation, self.refactor_at), (q_new, F_new),
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = warm_step.NOT_CONTRACTING, 0, False, np.inf
         self.spend(iterations)
         if code == warm_step.ADVANCED and self.model == COULOMB:
             self.stride = stride(self._friction_change(q_new, F_new, obstacles))
-            way = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
-            code = warm_step.TOO_FAR if self.stride < SHORTER and way > FRICTION_LEAST else code
+            distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
+            code = warm_step.TOO_FAR if self.stride < SHORTER and distance > FRICTION_LEAST else code
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
-        age = self.drift + 2.0 * float(np.abs(q_new - q).max()) if self.ready else np.inf
-        if self.model == COULOMB and turned == 0.0 and same and age < self.refresh:
-            # what slips has new factors in most steps: no reason to judge them as often
-            turned, self.judged = age, False
+        rotation = self.rotation + 2.0 * float(np.abs(q_new - q).max()) if self.ready else np.inf
+        if self.model == COULOMB and turned == 0.0 and same and rotation < self.refactor_at:
+            # what slips has new factors in most steps: stability need not be judged as often
+            turned, self.judged = rotation, False
         if self.ready and self.model != FRICTIONLESS and turned == 0.0:
-            # with friction as it stands; the iteration's own factors say nothing about stability, but they
-            # are what predicts the next step
+            # with friction as it is; the iteration's own factors say nothing about stability, but they
+            # predict the next step
             code = warm_step.ADVANCED if self.border_factor(0.0, 3 + self.count) else warm_step.NOT_CONVEX
         if code != warm_step.ADVANCED:
             self.restore(kept, mesh)
-            self.sense = sense
+            self.direction = direction
             return code, iterations + spent, q_new, F_new
-        curve(q_new, self.h, self.tables[0], self.primitives, self.c)
+        self.trace(q_new)
         sunk, before = self.sunk(obstacles), (self.qe, self.re, self.f, self.obstacles)
         self.set_conditions(qe, re, f, obstacles)
-        self.age, self.drift = age, turned if same else 0.0
+        self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         if moved and remesh:
             finer = self._remesh(q_new, F_new, iterations, tolerance)
@@ -159,7 +174,7 @@ class ActiveSetRod(BorderedRod):
         if sunk:
             self.restore(kept, mesh)
             self.set_conditions(*before)
-            self.sense, self.ready = sense, False
+            self.direction, self.ready = direction, False
             return warm_step.NOT_CONTRACTING, iterations, q_new, F_new
         if not self.count:
             super().refactor(q_new, F_new)
@@ -167,54 +182,50 @@ class ActiveSetRod(BorderedRod):
         return code, iterations, q_new, F_new
 
     def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray) -> float:
-        """How much the friction of what slips has changed in a step to q across the cable, see `travel`."""
+        """Relative change across the cable, in a step to q, of the friction of what slips; see `travel`."""
         points = self.points[: self.count]
         slips = points[points[:, SLIPS] == 1.0]
-        change = slips[:, FRICTION:HELD] - slips[:, HELD : HELD + 3]
-        possible = float(points[:, FORCE] @ obstacles[points[:, OBSTACLE].astype(int), 17])
+        change = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
+        possible = float(points[:, FORCE] @ obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT])
         possible = max(possible, float(np.linalg.norm(F)))
         if np.abs(change).sum() <= SHORTER * FRICTION_CHANGE * possible:
             return 0.0
-        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, PLACE]))
+        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
         return float(np.linalg.norm(np.cross(along, change), axis=1).sum()) / possible
 
     def _reverse(
         self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float
     ) -> tuple[np.ndarray, np.ndarray, int]:
-        """Turn mobilised friction against the way the end now goes, little by little where it turns back.
+        """Turn mobilised friction against the end's new direction, in steps if that turns back.
 
         Returns the equilibrium reached and the iterations it took.
         """
-        way = re - self.re
-        size = float(np.linalg.norm(way))
+        motion = re - self.re
+        size = float(np.linalg.norm(motion))
         if size < 1e-12:
             return q, F, 0
-        before, after = self.sense, way / size
+        before, after = self.direction, motion / size
         spent = 0
         if self.count and before @ after <= 0.0 and self.obstacles is not None:
-            for part in np.linspace(0.75, -0.75, 7):
-                self.sense = part * before if part > 0.0 else -part * after
-                code, iterations, q_new, F_new = self.touch(
-                    q, F, self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh=False
-                )
+            for fraction in np.linspace(0.75, -0.75, 7):
+                self.direction = fraction * before if fraction > 0.0 else -fraction * after
+                code, iterations, q_new, F_new = self.correct(q, F, tolerance, limit, remesh=False)
                 spent += iterations
                 if code == warm_step.ADVANCED:
                     q, F = q_new, F_new
-        self.sense = after
+        self.direction = after
         return q, F, spent
 
     def _remesh(
         self, q: np.ndarray, F: np.ndarray, iterations: int, tolerance: float
     ) -> tuple[int, int, np.ndarray, np.ndarray] | None:
-        """The equilibrium (q, F) on a mesh that holds its contact points better; None: not found."""
+        """The equilibrium (q, F) on a mesh fitted to its contact points; None if it is not found."""
         old, kept = self.mesh, self.state()
         fresh = self.fit(q)
         assert self.obstacles is not None
         fresh, F_fresh = self._let_go(fresh, F, tolerance)
-        code, more, q_new, F_new = self.touch(
-            fresh, F_fresh, self.qe, self.re, self.f, tolerance, 0.6, self.obstacles, remesh=False
-        )
-        self.drift = 0.0
+        code, more, q_new, F_new = self.correct(fresh, F_fresh, tolerance, 0.6, remesh=False)
+        self.rotation = 0.0
         if code == warm_step.ADVANCED:
             return code, iterations + more, q_new, F_new
         self.restore(kept, old)

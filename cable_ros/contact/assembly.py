@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: the equations of a cable that touches.
+"""Compiled: the bordered (KKT) system of a cable that touches.
 
-The unknowns of a contact point are its normal force and its place, those of the end of a stretch the couple
-that holds its slope, too (see `patches.move_ends`); they are eliminated as borders of the rod's
-banded system. Units of the cable, start clamp's frame.
+The unknowns of a contact point are its normal force and its arc length, those of the end of a contact patch
+the couple that holds its slope, too (see `patch_ends.move_ends`); they are eliminated as constraint rows of
+the rod's banded system. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -11,37 +11,70 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.contact.distance import across, pull
-from cable_ros.contact.friction_kernels import FRICTIONLESS, STICK, carry, rub
+from cable_ros.contact.contact_state import PointTerms, surface
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, across, pull
+from cable_ros.contact.friction_kernels import (
+    ACROSS,
+    DIRECTION,
+    FRICTIONLESS,
+    STICK,
+    STIFFNESS,
+    TANGENT,
+    carry,
+    update_friction,
+)
 from cable_ros.contact.interfaces import gap_at
 from cable_ros.contact.points import (
+    ARC_LENGTH,
+    BEFORE,
     FIRST,
     FORCE,
     FRICTION,
-    GRIP,
-    HELD,
     KIND,
     LENGTH,
     OBSTACLE,
-    PLACE,
     POINT,
-    ROW,
     SAMPLE,
+    SLIP_ROW,
+    SLOPE_ROW,
+    STICK_ROW,
     YIELD,
 )
 from cable_ros.linalg.copies import copy
-from cable_ros.rod.centreline import find_element, position, shape, tangent
-from cable_ros.rod.energy_kernels import gradient, hessian, increments, tangent_derivative, workspace
+from cable_ros.rod.centreline import (
+    find_element,
+    increments,
+    interpolate_frame,
+    position,
+    tangent,
+    tangent_derivative,
+    weight_up_to,
+)
+from cable_ros.rod.centreline import shape as shape_functions
+from cable_ros.rod.energy_kernels import gradient, hessian
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 STIFFER = 1.5
-"""Borders serve while what they hold is not so many times as stiff, nor as soft."""
+"""Maximum ratio, or its inverse, of friction's stiffness to that in the constraint rows that still serve."""
+FAINT = 1e-9
+"""EI / L^2; a point with less force than this turns no force by its motion."""
 
 
 @njit(**OPTIONS)
-def point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc):
-    """Internal force Fe (elements, 3) beside weight; pull acc (n, 4) of the points inside elements."""
+def point_forces(shape, F, contacts, count, Fe, acc):
+    """Internal force and moments of the contact points.
+
+    Args:
+        shape: `Shape`.
+        F: (3,) end force.
+        contacts, count: `ContactSet` and the number of its points.
+        Fe: (m, 3) receives the constant part of the internal force, see `energy_kernels.gradient`.
+        acc: (n, 4) receives the pull of the points inside elements.
+    """
+    q, (h, s0, tables) = shape.q, shape.grid
+    points, normals = contacts.points, contacts.normals
+    N = tables.values
     order = N.shape[1] - 1
     elements = h.shape[0]
     P, qs, gT, H = np.empty(3), np.empty(4), np.empty(4), np.empty((4, 4))
@@ -50,123 +83,175 @@ def point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, 
         for a in range(3):
             Fe[e, a] = F[a]
     for i in range(count):
-        e, x = find_element(points[i, PLACE], s0, h)
+        e, x = find_element(points[i, ARC_LENGTH], s0, h)
         for a in range(3):
             P[a] = points[i, FORCE] * normals[i, a] + points[i, FRICTION + a]
             for k in range(e):
                 Fe[k, a] += P[a]
         if x == 0.0:
             continue
-        for k in range(gauss.shape[0]):
+        for k in range(N.shape[0]):
             for a in range(4):
                 qs[a] = 0.0
                 for j in range(order + 1):
                     qs[a] += N[k, j] * q[e * order + j, a]
-            pull(qs, P, h[e] * part(primitives, k, x), gT, H)
+            pull(qs, P, h[e] * weight_up_to(tables.primitives, k, x), gT, H)
             for j in range(order + 1):
                 for a in range(4):
                     acc[e * order + j, a] += N[k, j] * gT[a]
 
 
-@njit(**LEAF)
-def part(primitives, k, x):
-    """Weight of the tangent at Gauss point k in the way from the element's start to the place x."""
-    v = 0.0
-    for m in range(primitives.shape[0] - 1, -1, -1):
-        v = (v + primitives[m, k]) * x
-    return v
+@njit(**OPTIONS)
+def assemble_kkt(shape, forces, section, obstacles, history, contacts, count, kkt, full, initial):
+    """Right-hand side and, if `full`, matrix of the system with `count` contact points.
+
+    The gaps of `contacts` receive the constraints: first the gaps (count), then zeros, but for the gap's
+    slopes along the cable, which vanish at points and at the ends of patches, and for the misfits of the
+    springs of what sticks. The constraint rows are those of the end position (3) and of the gaps (count),
+    then one for each slope and for each direction in which a gap is curved or friction is stiff.
+
+    Args:
+        shape: `Shape`.
+        forces: end force (3,), load per length (3,).
+        section: `Section`.
+        obstacles: (o, WIDTH).
+        history: `History`.
+        contacts, count: `ContactSet`, which receives gaps, normals and friction, and the number of points.
+        kkt: `KKT`; the evaluation and, if `full`, tangents and rows are overwritten.
+        full: whether to compute the matrix.
+        initial: whether friction is that of the last equilibrium, turned with the obstacles.
+
+    Returns:
+        The number of constraint rows, whether V and W are the same, and the number of points that began to
+        stick or to slip. If not `full`, the second is whether friction is about as stiff as in the rows.
+    """
+    q, _, grid = shape
+    F, f = forces
+    evaluation, tangents, rows, _ = kkt
+    terms = point_terms(max(count, 1))
+    flips = evaluate_points(shape, obstacles, history, contacts, count, terms, initial)
+    Fe = np.empty((grid.h.shape[0], 3))
+    point_forces(shape, F, contacts, count, Fe, evaluation.acc)
+    gradient(q, Fe, f, section, grid, evaluation)
+    if not full:
+        return 3 + count, update_constraints(contacts, count, terms, rows), flips
+    hessian(q, Fe, f, section, grid, evaluation.radial, tangents)
+    total, same = constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows)
+    return total, same, flips
 
 
 @njit(**OPTIONS)
-def system(
-    q, F, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h, old_s0, old_obstacles,
-    sense, model, anew, points, count, gaps, normals,
-    acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
-):  # fmt: skip
-    """Gradient, and where `full` the Hessian with its borders, at (q, F) with `count` contact points.
+def point_terms(size):
+    """New `PointTerms` of `size` contact points, all zero."""
+    return PointTerms(
+        np.zeros((size, 2, 3)), np.zeros((size, 2)), np.zeros(size), np.zeros((size, 3)), np.zeros(size),
+        np.zeros((size, TANGENT)), np.zeros((size, 3)),
+    )  # fmt: skip
 
-    `gaps` receives the constraints: gaps (count), then zeros but for the slopes of the gap along the cable,
-    which vanish where stretches end and where a point has slid to, and what is amiss with the springs of what
-    sticks. `V` (rows, 3n) receives their derivatives: end position (3), gaps (count), then a row for each
-    slope, and for each direction in which a gap is curved or friction is stiff, with its weight's inverse in
-    `delta`; `W` the directions in which the multipliers act, the same but where friction follows the normal
-    force; `lines`
-    (rows, 3) the direction that each reads the position in, of the point before which there are `upto`
-    (rows,) elements. `old_c`, `old_h`, `old_s0` are the curve of the last equilibrium, `old_obstacles` where
-    they were; `anew`: friction is at first what it was there. Returns (rows, whether W is V, how many points
-    began to stick or to slip); where not `full`, the second says whether friction's direction is held about
-    as stiffly as in the borders.
+
+@njit(**OPTIONS)
+def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
+    """Gaps, normals and friction of the contact points; the number of those that began to stick or to slip.
+
+    Args:
+        shape, obstacles, history, contacts, count, initial: as in `assemble_kkt`.
+        terms: `PointTerms`, all zero, overwritten.
     """
-    N, gauss = tables[0], tables[4]
-    order = N.shape[1] - 1
-    nd = 3 * (order + 1)
-    band = nd - 1
-    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    points, gaps, normals = contacts
+    at = surface()
     before, turned = np.empty(3), np.empty(3)
-    directions, bends = np.empty((2, 3)), np.empty(2)
-    size = max(count, 1)
-    frames = np.empty((size, 2, 3))
-    curved = np.empty((size, 3))
-    slopes = np.zeros((size, 3))
-    limits = np.zeros((size, 7))
-    tilts = np.empty(size)
-    amiss = np.zeros((size, 3))
     flips = 0
     for i in range(count):
         o = int(points[i, OBSTACLE])
-        ob = obstacles[o]
-        s = points[i, PLACE]
-        gaps[i], tilts[i], curvature = gap_at(q, h, s0, nodes, c, s, ob, r, t, dt, n, directions, bends)
-        curved[i, 2] = max(curvature, 1e-9) if points[i, KIND] == POINT else 0.0
+        obstacle = obstacles[o]
+        s = points[i, ARC_LENGTH]
+        gaps[i], terms.tilts[i], curvature = gap_at(shape, s, obstacle, at)
+        terms.curvature[i] = max(curvature, 1e-9) if points[i, KIND] == POINT else 0.0
         for a in range(3):
-            normals[i, a] = n[a]
+            normals[i, a] = at.n[a]
         for k in range(2):
-            curved[i, k] = bends[k]
+            terms.bends[i, k] = at.bends[k]
             along = 0.0
             for a in range(3):
-                frames[i, k, a] = directions[k, a]
-                along += directions[k, a] * t[a]
+                terms.directions[i, k, a] = at.directions[k, a]
+                along += at.directions[k, a] * at.t[a]
             for a in range(3):
-                slopes[i, a] += bends[k] * along * directions[k, a]
-        if model != FRICTIONLESS and ob[17] > 0.0:
-            position(old_c, old_h, old_s0, points[i, PLACE], before)
+                terms.slopes[i, a] += at.bends[k] * along * at.directions[k, a]
+        mu = obstacle[FRICTION_COEFFICIENT]
+        if history.model != FRICTIONLESS and mu > 0.0:
+            position(history.c, history.h, history.s0, s, before)
             for a in range(3):
-                turned[a] = points[i, HELD + a]
-            carry(old_obstacles[o], ob, before, turned)
+                turned[a] = points[i, BEFORE + a]
+            carry(history.obstacles[o], obstacle, before, turned)
             for a in range(3):
-                before[a] = r[a] - before[a]
-            flips += rub(points, i, n, t, ob[17], model, before, turned, sense, anew, limits[i])
+                before[a] = at.r[a] - before[a]
+            flips += update_friction(points, i, at, mu, history, before, turned, initial, terms.tangents[i])
             for a in range(3):
-                amiss[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / STICK
-    Fe = np.empty((h.shape[0], 3))
-    point_forces(q, F, h, s0, N, gauss, primitives, points, normals, count, Fe, acc)
-    gradient(q, Fe, f, K, kappa0, h, s0, tables, workspace(h, tables), acc, g, radial, totals)
-    if not full:
-        as_stiff = True
-        for i in range(count):
-            grip(points, i, amiss, lines, gaps)
-            if points[i, GRIP] < 0.0:
-                ratio = limits[i, 6] * delta[int(-points[i, GRIP])]
-                as_stiff = as_stiff and 1.0 / STIFFER < ratio < STIFFER
-            if points[i, KIND] != SAMPLE and points[i, ROW] > 0.0:
-                gaps[int(points[i, ROW]) - 3] = tilts[i]
-        return 3 + count, as_stiff, flips
-    hessian(q, Fe, f, K, kappa0, h, s0, tables, radial, elastic, geometric, parts, C)
+                terms.misfits[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / STICK
+    return flips
+
+
+@njit(**OPTIONS)
+def update_constraints(contacts, count, terms, rows):
+    """The constraints after the gaps, for constraint rows that are kept.
+
+    Args:
+        contacts, count: as in `assemble_kkt`.
+        terms: `PointTerms` of the contact points.
+        rows: `ConstraintRows`.
+
+    Returns:
+        Whether friction is about as stiff as in those rows.
+    """
+    points, gaps, _ = contacts
+    as_stiff = True
+    for i in range(count):
+        stick_constraints(points, i, terms.misfits, rows.lines, gaps)
+        if points[i, SLIP_ROW] > 0.0:
+            ratio = terms.tangents[i, STIFFNESS] * rows.delta[int(points[i, SLIP_ROW])]
+            as_stiff = as_stiff and 1.0 / STIFFER < ratio < STIFFER
+        if points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0:
+            gaps[int(points[i, SLOPE_ROW]) - 3] = terms.tilts[i]
+    return as_stiff
+
+
+@njit(**OPTIONS)
+def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
+    """Constraint rows of all contact points, and what their forces add to the geometric stiffness.
+
+    Args:
+        shape, obstacles, contacts, count: as in `assemble_kkt`.
+        terms: `PointTerms` of the contact points.
+        tangents: `Tangents`.
+        rows: `ConstraintRows`, overwritten.
+
+    Returns:
+        The number of rows, and whether V and W are the same.
+    """
+    q, _, (h, s0, tables) = shape
+    points, gaps, normals = contacts
+    V, W, delta, lines, upto = rows
+    geometric, parts, C = tangents.geometric, tangents.parts, tangents.C
+    N, primitives = tables.values, tables.primitives
+    order = N.shape[1] - 1
+    nd = 3 * (order + 1)
+    band = nd - 1
     columns = C.shape[1]
     for a in range(3):
         for j in range(columns):
             V[a, j] = C[a, j]
         delta[a] = 0.0
-    rows = 3 + count
+    total = 3 + count
     same = True
     D, Y = np.empty((4, nd)), np.empty((4, nd))
     frame = np.empty((4, nd))
     own, turn = np.empty((3, nd)), np.empty((3, nd))
-    way = np.empty((3, columns))
+    by_position = np.empty((3, columns))
     Nx, dNx = np.empty(order + 1), np.empty(order + 1)
-    qs, gT, H, P = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty(3)
+    qs, gT, H, P, t = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty(3), np.empty(3)
+    sticking = np.empty((2, 3))
     for i in range(count):
-        e, x = find_element(points[i, PLACE], s0, h)
+        e, x = find_element(points[i, ARC_LENGTH], s0, h)
         first = e * order
         for j in range(order + 1):
             increments(q[first + j], 3 * j, frame)
@@ -174,12 +259,12 @@ def system(
         turn[:] = 0.0
         for a in range(3):
             P[a] = points[i, FORCE] * normals[i, a] + points[i, FRICTION + a]
-        for k in range(gauss.shape[0]):
+        for k in range(N.shape[0]):
             if x == 0.0:
                 break
-            at_place(q, first, order, N[k], frame, qs, D)
+            interpolate_frame(q, first, order, N[k], frame, qs, D)
             norm = tangent(qs, t)
-            weight = h[e] * part(primitives, k, x)
+            weight = h[e] * weight_up_to(primitives, k, x)
             tangent_derivative(qs, t, 2.0 * weight / norm, D, own, 0, nd)
             pull(qs, P, weight, gT, H)
             for a in range(4):
@@ -190,111 +275,109 @@ def system(
                     geometric[3 * first + j, band + m - j] += (
                         D[0, j] * Y[0, m] + D[1, j] * Y[1, m] + D[2, j] * Y[2, m] + D[3, j] * Y[3, m]
                     )
-        shape(nodes, x, Nx, dNx)
-        at_place(q, first, order, Nx, frame, qs, D)
+        shape_functions(tables.nodes, x, Nx, dNx)
+        interpolate_frame(q, first, order, Nx, frame, qs, D)
         norm = tangent(qs, t)
         tangent_derivative(qs, t, 2.0 / norm, D, turn, 0, nd)
-        way[:] = 0.0
+        by_position[:] = 0.0
         for k in range(e):
             for a in range(3):
                 for j in range(nd):
-                    way[a, 3 * k * order + j] += parts[k, a, j]
+                    by_position[a, 3 * k * order + j] += parts[k, a, j]
         for a in range(3):
             for j in range(nd):
-                way[a, 3 * first + j] += own[a, j]
-        row(V, 3 + i, normals[i], way)
+                by_position[a, 3 * first + j] += own[a, j]
+        row(V, 3 + i, normals[i], by_position)
         delta[3 + i] = YIELD * points[i, LENGTH] ** 3 if points[i, KIND] == SAMPLE else 0.0
         copy(normals[i], lines[3 + i])
-        begin = rows
+        begin = total
         upto[3 + i] = e
-        points[i, GRIP] = 0.0
-        slip = limits[i, 0] != 0.0 or limits[i, 1] != 0.0 or limits[i, 2] != 0.0
+        points[i, STICK_ROW] = points[i, SLIP_ROW] = 0.0
+        friction = terms.tangents[i]
+        slip = friction[DIRECTION] != 0.0 or friction[DIRECTION + 1] != 0.0 or friction[DIRECTION + 2] != 0.0
         if slip:
             same = False
-            mu = obstacles[int(points[i, OBSTACLE]), 17]
+            mu = obstacles[int(points[i, OBSTACLE]), FRICTION_COEFFICIENT]
             for a in range(3):
-                P[a] = normals[i, a] + mu * limits[i, a]
-            row(W, 3 + i, P, way)
+                P[a] = normals[i, a] + mu * friction[DIRECTION + a]
+            row(W, 3 + i, P, by_position)
         else:
             copy(V[3 + i], W[3 + i])
-        if limits[i, 6] > 0.0:
+        if friction[STIFFNESS] > 0.0:
             if slip:
-                row(V, rows, limits[i, 3:6], way)
-                copy(limits[i, 3:6], lines[rows])
-                delta[rows] = 1.0 / limits[i, 6]
-                gaps[rows - 3] = 0.0
-                points[i, GRIP] = -rows
-                rows += 1
+                row(V, total, friction[ACROSS:STIFFNESS], by_position)
+                copy(friction[ACROSS:STIFFNESS], lines[total])
+                delta[total] = 1.0 / friction[STIFFNESS]
+                gaps[total - 3] = 0.0
+                points[i, SLIP_ROW] = total
+                total += 1
             else:
-                across(normals[i], directions)
-                points[i, GRIP] = rows
+                across(normals[i], sticking)
+                points[i, STICK_ROW] = total
                 for k in range(2):
-                    row(V, rows, directions[k], way)
-                    copy(directions[k], lines[rows])
-                    delta[rows] = 1.0 / limits[i, 6]
-                    gaps[rows - 3] = 0.0
-                    rows += 1
+                    row(V, total, sticking[k], by_position)
+                    copy(sticking[k], lines[total])
+                    delta[total] = 1.0 / friction[STIFFNESS]
+                    gaps[total - 3] = 0.0
+                    total += 1
         for k in range(2):
-            if curved[i, k] > 0.0 and abs(points[i, FORCE]) >= 1e-9:
-                row(V, rows, frames[i, k], way)
-                copy(frames[i, k], lines[rows])
-                delta[rows] = -1.0 / (points[i, FORCE] * curved[i, k])
-                gaps[rows - 3] = 0.0
-                rows += 1
+            if terms.bends[i, k] > 0.0 and abs(points[i, FORCE]) >= FAINT:
+                row(V, total, terms.directions[i, k], by_position)
+                copy(terms.directions[i, k], lines[total])
+                delta[total] = -1.0 / (points[i, FORCE] * terms.bends[i, k])
+                gaps[total - 3] = 0.0
+                total += 1
         ends = points[i, KIND] >= FIRST
         if points[i, KIND] == POINT:
-            points[i, ROW] = 0.0
-        if ends or (curved[i, 2] > 0.0 and abs(points[i, FORCE]) >= 1e-9):
-            row(V, rows, slopes[i], way)
-            copy(slopes[i], lines[rows])
+            points[i, SLOPE_ROW] = 0.0
+        if ends or (terms.curvature[i] > 0.0 and abs(points[i, FORCE]) >= FAINT):
+            row(V, total, terms.slopes[i], by_position)
+            copy(terms.slopes[i], lines[total])
             for j in range(nd):
                 for a in range(3):
-                    V[rows, 3 * first + j] += normals[i, a] * turn[a, j]
-            delta[rows] = 0.0 if ends else curved[i, 2] / points[i, FORCE]
-            gaps[rows - 3] = tilts[i]
-            points[i, ROW] = rows
-            rows += 1
-        for b in range(begin, rows):
+                    V[total, 3 * first + j] += normals[i, a] * turn[a, j]
+            delta[total] = 0.0 if ends else terms.curvature[i] / points[i, FORCE]
+            gaps[total - 3] = terms.tilts[i]
+            points[i, SLOPE_ROW] = total
+            total += 1
+        for b in range(begin, total):
             upto[b] = e
     for b in range(3):
         copy(V[b], W[b])
-    for b in range(3 + count, rows):
+    for b in range(3 + count, total):
         copy(V[b], W[b])
     for i in range(count):
-        grip(points, i, amiss, lines, gaps)
-    return rows, same, flips
+        stick_constraints(points, i, terms.misfits, lines, gaps)
+    return total, same
 
 
 @njit(**LEAF)
-def grip(points, i, amiss, lines, gaps):
-    """What is amiss (count, 3) with the springs of point i, if it sticks, along the two that hold it."""
-    b = int(points[i, GRIP])
+def stick_constraints(points, i, misfits, lines, gaps):
+    """Misfit of the spring of point i, if it sticks, along the directions of its two constraint rows.
+
+    Args:
+        points, gaps: of `ContactSet`.
+        misfits: (count, 3) of `PointTerms`.
+        lines: (rows, 3) of `ConstraintRows`.
+    """
+    b = int(points[i, STICK_ROW])
     if b > 0:
         for k in range(b, b + 2):
-            gaps[k - 3] = amiss[i, 0] * lines[k, 0] + amiss[i, 1] * lines[k, 1] + amiss[i, 2] * lines[k, 2]
+            gaps[k - 3] = (
+                misfits[i, 0] * lines[k, 0] + misfits[i, 1] * lines[k, 1] + misfits[i, 2] * lines[k, 2]
+            )
 
 
 @njit(**LEAF)
-def row(V, at, v, way):
-    """V[at] = v (3,) times way (3, 3n)."""
-    for j in range(way.shape[1]):
-        V[at, j] = v[0] * way[0, j] + v[1] * way[1, j] + v[2] * way[2, j]
-
-
-@njit(**LEAF)
-def at_place(q, first, order, N, frame, qs, D):
-    """Interpolated quaternion qs (4,) and its derivative D (4, 3 (order + 1)) with the shape functions N."""
-    for a in range(4):
-        qs[a] = 0.0
-        for j in range(order + 1):
-            qs[a] += N[j] * q[first + j, a]
-            for m in range(3 * j, 3 * j + 3):
-                D[a, m] = N[j] * frame[a, m]
+def row(V, at, v, by_position):
+    """V[at] = v times by_position, of V (rows, 3n), v (3,), by_position (3, 3n)."""
+    for j in range(by_position.shape[1]):
+        V[at, j] = v[0] * by_position[0, j] + v[1] * by_position[1, j] + v[2] * by_position[2, j]
 
 
 @njit(**LEAF)
 def nodal(q, acc, out):
-    """The pull acc (n, 4) at the nodal quaternions as moments out (3n,)."""
+    """The pull acc (n, 4) at the nodal quaternions q (n, 4) as moments out (3n,)."""
     for i in range(q.shape[0]):
         w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
         a, b, c, d = acc[i, 0], acc[i, 1], acc[i, 2], acc[i, 3]

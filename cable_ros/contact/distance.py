@@ -10,33 +10,43 @@ from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import tangent
 
 SPHERE, PLANE, CAPSULE, CYLINDER, BOX = 0.0, 1.0, 2.0, 3.0, 4.0
-WIDTH = 18
-"""Numbers of an obstacle: kind, centre (3), rotation matrix (9, by rows), dimensions (3), offset, friction.
+SHAPE, CENTRE, AXES, DIMENSIONS, OFFSET, FRICTION_COEFFICIENT, WIDTH = 0, 1, 4, 13, 16, 17, 18
+"""Columns of an obstacle: shape, centre (3), rotation matrix (9, by rows), dimensions (3), offset,
+coefficient of friction; and their number.
 
 Dimensions: radius (sphere); radius, half length along z (capsule, cylinder); half edges (box); the solid is
 below z = 0 (plane). The offset is the cable's radius where it counts.
 """
+POSE = slice(CENTRE, DIMENSIONS)
+"""Columns of centre and rotation matrix."""
 
 
 @njit(**LEAF)
 def gap(obstacle, r, n, directions, bends):
-    """Distance from r (3,) to the obstacle's surface, less the offset; negative inside.
+    """Distance from a point to the obstacle's surface, less the offset; negative inside.
 
-    `n` (3,) receives its gradient; the Hessian is the sum of bends[i] directions[i] directions[i]^T,
-    `directions` (2, 3) unit vectors across n.
+    The Hessian is the sum of bends[i] directions[i] directions[i]^T.
+
+    Args:
+        obstacle: (WIDTH,).
+        r: (3,) the point.
+        n: (3,) receives the gradient, the surface's normal.
+        directions: (2, 3) receives unit vectors across n.
+        bends: (2,) receives the curvatures along them.
     """
-    kind = obstacle[0]
+    kind = obstacle[SHAPE]
     # in the obstacle's own axes at first, turned in the end
     m, d = n, directions
     m[:] = 0.0
     d[:] = 0.0
-    v0, v1, v2 = r[0] - obstacle[1], r[1] - obstacle[2], r[2] - obstacle[3]
+    c0, c1, c2 = obstacle[CENTRE], obstacle[CENTRE + 1], obstacle[CENTRE + 2]
+    v0, v1, v2 = r[0] - c0, r[1] - c1, r[2] - c2
     y = (
-        obstacle[4] * v0 + obstacle[7] * v1 + obstacle[10] * v2,
-        obstacle[5] * v0 + obstacle[8] * v1 + obstacle[11] * v2,
-        obstacle[6] * v0 + obstacle[9] * v1 + obstacle[12] * v2,
+        obstacle[AXES] * v0 + obstacle[AXES + 3] * v1 + obstacle[AXES + 6] * v2,
+        obstacle[AXES + 1] * v0 + obstacle[AXES + 4] * v1 + obstacle[AXES + 7] * v2,
+        obstacle[AXES + 2] * v0 + obstacle[AXES + 5] * v1 + obstacle[AXES + 8] * v2,
     )
-    a, b = obstacle[13], obstacle[14]
+    a, b = obstacle[DIMENSIONS], obstacle[DIMENSIONS + 1]
     bends[0] = 0.0
     bends[1] = 0.0
     distance = 0.0
@@ -82,7 +92,7 @@ def gap(obstacle, r, n, directions, bends):
         largest = -np.inf
         face = 0
         for i in range(3):
-            over = abs(y[i]) - obstacle[13 + i]
+            over = abs(y[i]) - obstacle[DIMENSIONS + i]
             if over > 0.0:
                 out += 1
                 m[i] = over if y[i] > 0.0 else -over
@@ -110,13 +120,14 @@ def gap(obstacle, r, n, directions, bends):
     for v in (n, directions[0], directions[1]):
         m0, m1, m2 = v[0], v[1], v[2]
         for i in range(3):
-            v[i] = obstacle[4 + 3 * i] * m0 + obstacle[5 + 3 * i] * m1 + obstacle[6 + 3 * i] * m2
-    return distance - obstacle[16]
+            row = AXES + 3 * i
+            v[i] = obstacle[row] * m0 + obstacle[row + 1] * m1 + obstacle[row + 2] * m2
+    return distance - obstacle[OFFSET]
 
 
 @njit(**LEAF)
 def across(n, directions):
-    """Two unit vectors (2, 3) across the unit vector n, continuous but at n = -z (Duff et al. 2017)."""
+    """`directions` (2, 3): unit vectors across n (3,), continuous but at n = -z (Duff et al. 2017)."""
     sign = 1.0 if n[2] >= 0.0 else -1.0
     a = -1.0 / (sign + n[2])
     b = n[0] * n[1] * a
@@ -127,7 +138,7 @@ def across(n, directions):
 
 @njit(**LEAF)
 def pull(qs, P, weight, gT, H):
-    """Gradient (4,) and Hessian (4, 4) by q of - weight P.t(q)."""
+    """Gradient gT (4,) and Hessian H (4, 4) of - weight P.t by the quaternion qs (4,), for a force P (3,)."""
     w, x, y, z = qs[0], qs[1], qs[2], qs[3]
     n = tangent(qs, gT)
     T = -(P[0] * gT[0] + P[1] * gT[1] + P[2] * gT[2])
@@ -158,17 +169,18 @@ def placed(local: np.ndarray, links: np.ndarray, start: np.ndarray, length: floa
     v = np.empty(3)
     for i in range(local.shape[0]):
         b[0], b[1], b[2], b[3] = links[i, 6], links[i, 3], links[i, 4], links[i, 5]
-        centre = quaternion.rotate(b, local[i, 1:4])
+        centre = quaternion.rotate(b, local[i, CENTRE:AXES])
         for k in range(3):
             v[k] = centre[k] + links[i, k] - start[k]
         x, y, z = quaternion.turned(a, v)
-        out[i, 1], out[i, 2], out[i, 3] = x / length, y / length, z / length
+        out[i, CENTRE], out[i, CENTRE + 1], out[i, CENTRE + 2] = x / length, y / length, z / length
         both = quaternion.multiply(a, b)
         for j in range(3):
             for k in range(3):
-                v[k] = local[i, 4 + 3 * k + j]
-            out[i, 4 + j], out[i, 7 + j], out[i, 10 + j] = quaternion.turned(both, v)
-        for k in range(13, 17):
+                v[k] = local[i, AXES + 3 * k + j]
+            axis = AXES + j
+            out[i, axis], out[i, axis + 3], out[i, axis + 6] = quaternion.turned(both, v)
+        for k in range(DIMENSIONS, FRICTION_COEFFICIENT):
             out[i, k] = local[i, k] / length
     return out
 
@@ -203,7 +215,7 @@ def deepest(r: np.ndarray, t: np.ndarray, h: np.ndarray, obstacles: np.ndarray) 
 
 @njit(cache=True)
 def nearest(obstacles: np.ndarray, r: np.ndarray) -> tuple[float, int]:
-    """The smallest of `gaps` and which obstacle's it is."""
+    """The smallest of the `gaps` of the point r (3,) to the obstacles (n, WIDTH), and which obstacle's."""
     distances = gaps(obstacles, r)
     which = int(np.argmin(distances))
     return float(distances[which]), which

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sharp edges made blunt for a descent, and sharp again once the cable has found its place on them.
+"""Edge rounding: edges are rounded for a descent, and sharp again once the cable lies on them.
 
 Across an edge the direction of contact turns within the cable's radius, often a thousandth of its length:
-Newton's method finds no way over it from farther off, and inside the obstacle the distance has a kink. A body
+Newton's method cannot cross it from farther off, and inside the obstacle the distance has a kink. A body
 that is smaller all around by `rho`, with `rho` more about it, has the same faces and rounded edges.
 """
 
@@ -11,42 +11,42 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
-from cable_ros.contact.distance import BOX, CYLINDER
+from cable_ros.contact.distance import BOX, CYLINDER, DIMENSIONS, OFFSET, SHAPE
 from cable_ros.rod import warm_step
 
 ROUNDING = 0.02
-"""Radius that edges get, parts of the length."""
+"""Radius of rounded edges, L."""
 CORE = 0.8
-"""No more of a body than this part of its smallest half width goes into rounding."""
+"""Maximum radius, fraction of the body's smallest half width."""
 FINEST = 0.01
-"""A rounding by less than this part of it is none."""
+"""Fraction of ROUNDING below which edges are made sharp."""
 MOST_STEPS = 60
-"""Attempts to get from blunt to sharp."""
+"""Maximum number of steps from rounded to sharp edges."""
 
 
-def blunted(obstacles: np.ndarray, part: float = 1.0) -> np.ndarray:
-    """The obstacles (n, WIDTH) with edges rounded by `part` of ROUNDING; themselves where none has edges."""
-    edged = (obstacles[:, 0] == BOX) | (obstacles[:, 0] == CYLINDER)
-    if not edged.any() or part == 0.0:
+def rounded(obstacles: np.ndarray, fraction: float = 1.0) -> np.ndarray:
+    """The obstacles (n, WIDTH) with edges rounded by a fraction of ROUNDING; themselves if none has edges."""
+    edged = (obstacles[:, SHAPE] == BOX) | (obstacles[:, SHAPE] == CYLINDER)
+    if not edged.any() or fraction == 0.0:
         return obstacles
     out = obstacles.copy()
     for i in np.flatnonzero(edged):
-        widths = slice(13, 16) if out[i, 0] == BOX else slice(13, 15)
-        rho = part * min(ROUNDING, CORE * float(out[i, widths].min()))
+        widths = slice(DIMENSIONS, OFFSET if out[i, SHAPE] == BOX else OFFSET - 1)
+        rho = fraction * min(ROUNDING, CORE * float(out[i, widths].min()))
         out[i, widths] -= rho
-        out[i, 16] += rho
+        out[i, OFFSET] += rho
     return out
 
 
-def sharpen(
+def remove_rounding(
     rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """From the equilibrium (q, F) among `blunted` obstacles to that among `obstacles`: q, F, iterations."""
+    """From the equilibrium (q, F) among `rounded` obstacles to that among `obstacles`: q, F, iterations."""
     at, ratio, total = 1.0, 0.0, 0  # `ratio`: of the next rounding to the present one
     for _ in range(MOST_STEPS):
         target = ratio * at if ratio * at > FINEST else 0.0
-        code, iterations, q_new, F_new = rod.touch(
-            q, F, rod.qe, rod.re, rod.f, tolerance, 0.6, blunted(obstacles, target)
+        code, iterations, q_new, F_new = rod.step_in_contact(
+            q, F, rod.qe, rod.re, rod.f, tolerance, 0.6, rounded(obstacles, target)
         )
         total += iterations
         if code == warm_step.ADVANCED:

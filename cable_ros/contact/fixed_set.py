@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rod with contact points as they stand: the borders they make, and what they say about an equilibrium."""
+"""A rod with contact points as they are: their constraint rows, and what they say about an equilibrium."""
 
 from __future__ import annotations
 
@@ -8,51 +8,53 @@ from typing import Any
 
 import numpy as np
 
-from cable_ros.contact.assembly import nodal, point_forces, system
+from cable_ros.contact.assembly import nodal
+from cable_ros.contact.contact_entry_points import assemble_kkt, point_forces
 from cable_ros.contact.detection import dips, scan
-from cable_ros.contact.distance import gap
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
 from cable_ros.contact.meshing import suited
 from cable_ros.contact.patches import inside
 from cable_ros.contact.points import (
+    ARC_LENGTH,
     CAPACITY,
     COLUMNS,
     FIRST,
     FORCE,
     FRICTION,
-    GRIP,
     KIND,
     OBSTACLE,
-    PLACE,
     POINT,
     SAMPLE,
+    SLIP_ROW,
     SLIPS,
-    held,
+    STICK_ROW,
+    total_force,
 )
 from cable_ros.contact.resolution import highest_mode, misplaced
 from cable_ros.contact.response import Contacts, wrench_response
-from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod import entry_points, error_estimate, quaternion
 from cable_ros.rod.centreline import curve
-from cable_ros.rod.elements import Mesh, primitives
+from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.units import relative_change
 
 ROWS = 3 + 6 * CAPACITY
-LARGE = {"V": False, "W": False, "borders": False, "Y_slip": False, "complement": True, "S_slip": True}
+LARGE = {"V": False, "W": False, "responses": False, "Y_slip": False, "complement": True, "S_slip": True}
 """Arrays with ROWS rows, by name, and whether they have as many columns."""
 DEEPEST = 1e-5
-"""What is deeper inside an obstacle, parts of the length, is no equilibrium."""
-RUBS = 0.4
-"""Elements along a stretch that rubs are so much shorter than along others."""
+"""Maximum depth inside an obstacle of an equilibrium, L."""
+FRICTION_SHORTENS = 0.4
+"""Length of elements along a patch with friction over that along others."""
 CHANGED = 0.1
-"""Friction that has become so much more or less, parts of itself, is another."""
+"""Relative change of friction after which its error is estimated again."""
 LEVEL = 1e-6
-"""Slope of a clamp's tangent, rad, below which it is along a plane."""
+"""Maximum angle, rad, between a plane and a clamp's tangent that is along it."""
 START = 0.2
-"""What an error of the start's wrench counts beside one of the end's."""
-AHEAD = np.array([0.0, 0.0, 1.0])
+"""Weight of an error of the start's wrench beside one of the end's."""
+Z_AXIS = np.array([0.0, 0.0, 1.0])
 RELEASED = 1e30
-"""A border so soft, L^3 / EI, holds nothing."""
+"""Compliance of a constraint row, L^3 / EI, that holds nothing."""
 
 
 class BorderedRod(Rod):
@@ -60,9 +62,9 @@ class BorderedRod(Rod):
 
     Args:
         mesh, stiffness, natural: as in `Rod`.
-        tolerance: of the end wrench; it sets how deep a contact may be overlooked and how finely a stretch is
-            held.
-        density: contact is looked for at so many times as many places as that asks for.
+        tolerance: of the end wrench; it sets the depth at which a contact may be overlooked, and the spacing
+            of the samples.
+        density: number of samples over that which the tolerance asks for.
     """
 
     def __init__(
@@ -72,38 +74,37 @@ class BorderedRod(Rod):
         self.tolerance, self.density = tolerance, density
         # penetration far below 1e-6 at the default tolerance, above the rounding of positions
         self.depth = float(np.clip(1e-5 * tolerance, 1e-12, 1e-8))
-        self.sag = 5e-7 * (tolerance / 1e-4) ** 0.5  # what may be inside where no contact point is looked for
-        self.give = 0.5 * min(self.sag, 0.1 * tolerance)  # and where only a finer mesh could keep it out
+        # depth between two samples, and where only a finer mesh could be clear of the obstacle
+        self.sag = 5e-7 * (tolerance / 1e-4) ** 0.5
+        self.give = 0.5 * min(self.sag, 0.1 * tolerance)
         self.cells, self.spacing, self.samples = 1, 1.0, np.zeros(0)
         self.model = FRICTIONLESS
-        # descents that may still be made of steps that fail, see `penalty_continuation.give_way`
+        # descents that are left for steps that fail, see `penalty_continuation.descend_instead`
         self.patience = 0
-        self.seen: list[np.ndarray] | None = None  # what a search with several starts has found before
-        self.sense = np.zeros(3)
+        self.seen: list[np.ndarray] | None = None  # states that a search with several starts has found
+        self.direction = np.zeros(3)  # see `contact_state.History`
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
-        self.rubbed = 0.0  # friction along stretches, all together, when `friction_error` last looked at it
-        self.settled: np.ndarray | None = None  # the shape to which the gradient with contact belongs
+        self.friction_then = 0.0  # `_patch_friction` when `friction_error` was last computed
+        self.settled: np.ndarray | None = None  # the shape at which the gradient with contact was computed
         self.gaps, self.normals = np.zeros(ROWS), np.zeros((CAPACITY, 3))
         super().__init__(mesh, stiffness, natural)
 
     def _allocate(self, mesh: Mesh) -> None:
         super()._allocate(mesh)
         n = self.elastic.shape[0]
-        self.h, self.s0 = self.h.copy(), self.s0.copy()
-        self.primitives = primitives(mesh.element)
-        # nothing is read of these that was not written: megabytes, of which few rows are ever used
-        self.V, self.W, self.borders = np.empty((ROWS, n)), np.empty((ROWS, n)), np.empty((ROWS, n))
+        # megabytes, of which few rows are ever used: nothing is read that was not written
+        self.V, self.W, self.responses = np.empty((ROWS, n)), np.empty((ROWS, n)), np.empty((ROWS, n))
         self.lines, self.upto = np.zeros((ROWS, 3)), np.zeros(ROWS, np.int64)
         self.delta, self.complement = np.zeros(ROWS), np.empty((ROWS, ROWS))
         # with friction: `skew_factor`'s
         self.Y_slip, self.S_slip = np.empty((ROWS, n)), np.empty((ROWS, ROWS))
-        self.c = np.zeros((len(self.h), len(self.primitives) + 1, 3))
-        self.judged = True  # whether `borders` and `complement` are those of the present borders
+        self.c = np.zeros((len(self.h), len(self.tables.points) + 1, 3))
+        self.judged = True  # whether `responses` and `complement` are those of the present constraint rows
         self.ready = False  # whether the factors are those of the last equilibrium with its contact points
 
     def __getstate__(self) -> dict[str, Any]:
-        """Of the large arrays only the rows that are used: the others hold what was in the memory before."""
+        """Of the large arrays only the rows in use: the others hold what was in memory before."""
         state = self.__dict__.copy()
         for name, square in LARGE.items():
             state[name] = state[name][: self.rows, : self.rows if square else None].copy()
@@ -128,7 +129,7 @@ class BorderedRod(Rod):
             self.obstacles = obstacles
 
     def _sample(self, obstacles: int) -> None:
-        """Choose where contact is looked for: as finely as tolerance asks; weight sags little between."""
+        """Choose samples at which contact is looked for, so close that the cable sags little in between."""
         weight = float(np.linalg.norm(self.f))
         cells = int(np.clip(np.ceil((weight / (384.0 * self.sag)) ** 0.25), 40, 150))
         self.cells = min(self.density * cells, 150)
@@ -137,17 +138,46 @@ class BorderedRod(Rod):
         self.phi = np.zeros((obstacles, self.cells + 1))
 
     def densify(self, density: int) -> None:
-        """Look for contact at `density` times as many places as tolerance asks for, from here on."""
+        """Look for contact at `density` times as many samples as the tolerance asks for, from here on."""
         self.density = density
         self._sample(len(self.phi))
 
-    def held(self) -> np.ndarray:
-        return np.asarray(held(self.points, self.normals, self.count))
+    def contact_force(self) -> np.ndarray:
+        return np.asarray(total_force(self.points, self.normals, self.count))
+
+    # groups of `contact_state` and `rod_state`, as plain tuples, see `rod.entry_points`
+
+    def shape(self, q: np.ndarray) -> tuple[Any, ...]:
+        """`Shape` of the nodal frames q (n, 4); its centreline is that of the last `trace`."""
+        return q, self.c, self.grid
+
+    @property
+    def contacts(self) -> tuple[np.ndarray, ...]:
+        """`ContactSet`."""
+        return self.points, self.gaps, self.normals
+
+    @property
+    def constraints(self) -> tuple[np.ndarray, ...]:
+        """`ConstraintRows`."""
+        return self.V, self.W, self.delta, self.lines, self.upto
+
+    def kkt(self, factors: tuple[np.ndarray, ...]) -> tuple[tuple[np.ndarray, ...], ...]:
+        """`KKT` with these factors."""
+        evaluation, tangents, _ = self.saddle
+        return evaluation, tangents, self.constraints, factors
+
+    def _factors(self, complement: np.ndarray) -> tuple[np.ndarray, ...]:
+        """`Factors` for stability and error estimates, with this Schur complement."""
+        return self.A, self.L, self.pivots, self.responses, complement
 
     # where it is
 
+    def trace(self, q: np.ndarray) -> None:
+        """Compute the centreline of the nodal frames q (n, 4)."""
+        curve(q, self.h, self.tables.values, self.tables.primitives, self.c)
+
     def sunk(self, obstacles: np.ndarray) -> bool:
-        """Whether a stretch, or what is beside it, is deeper inside than springs may let it."""
+        """Whether a patch, or what is beside it, is deeper inside an obstacle than its springs allow."""
         if not (self.points[: self.count, KIND] == SAMPLE).any():
             return False
         if self.gaps[: self.count].min() < -DEEPEST:
@@ -158,81 +188,76 @@ class BorderedRod(Rod):
     def clear(self, q: np.ndarray) -> bool:
         """Whether the shape q (n, 4) is nowhere inside an obstacle, between the samples neither."""
         assert self.obstacles is not None
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
+        self.trace(q)
         scan(self.c, self.h, self.s0, self.samples, self.obstacles, self.phi)
         return not self._dips(q, self.obstacles)
 
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
-        return bool(dips(q, self.h, self.s0, self.mesh.element.nodes, self.c, self.samples,
-                         obstacles, self.phi, self.depth))  # fmt: skip
+        return bool(dips(self.shape(q), self.samples, obstacles, self.phi, self.depth))
 
     def finest(self) -> float:
-        """The spacing that measures elements along stretches: friction is less smooth than pressure."""
-        return RUBS * self.spacing if self.model == COULOMB else self.spacing
+        """Spacing that measures elements along patches: friction is less smooth than pressure."""
+        return FRICTION_SHORTENS * self.spacing if self.model == COULOMB else self.spacing
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
-        """Which elements (elements,) are too long to stay where contacts hold them; see `give`."""
+        """(m,) which elements are too long to stay clear of the obstacles between the samples; see `give`."""
         if not self.count:
             return super().unresolved(q, leeway)
         out = np.empty(len(self.h))
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        misplaced(q, self.h, self.s0, self.fine, self.c, self.obstacles, self.points, self.count, out)
+        self.trace(q)
+        fine = self.fine.values, self.fine.weights
+        misplaced((q, self.c, self.h, self.s0), fine, self.obstacles, self.points, self.count, out)
         return out > 2.0 * leeway * self.give
 
     def suited(self, mesh: Mesh) -> Mesh:
         return suited(mesh, self.points[: self.count])
 
-    # the borders' algebra
+    # the constraint rows
 
-    def system(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
-        """Gradient, Hessian and borders at (q, F) with the contact points as they are; number of borders."""
-        rows, _, _ = system(
-            q, F, self.f, self.K, self.natural, self.h, self.s0, self.tables, self.mesh.element.nodes,
-            self.primitives, self.c, self.obstacles, self.c, self.h, self.s0, self.obstacles, self.sense,
-            model, False, self.points, self.count, self.gaps, self.normals, self.acc, self.g, self.radial,
-            self.totals, self.elastic, self.geometric, self.parts, self.C, self.V, self.W, self.delta,
-            self.lines, self.upto, True,
-        )  # fmt: skip
-        return int(rows)
+    def assemble(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
+        """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
+        history = model, self.direction, self.c, self.h, self.s0, self.obstacles
+        return int(assemble_kkt(
+            self.shape(q), (F, self.f), self.section, self.obstacles, history, self.contacts, self.count,
+            self.kkt(self._factors(self.complement)),
+        ))  # fmt: skip
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
         if not self.count:
             return super().refactor(q, F)
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
+        self.trace(q)
         self._normal = self.settled = None
-        self.rows = self.system(q, F, FRICTIONLESS)
-        self.drift, self.ready = 0.0, self.model == FRICTIONLESS
+        self.rows = self.assemble(q, F, FRICTIONLESS)
+        self.rotation, self.ready = 0.0, self.model == FRICTIONLESS
         return self.border_factor(0.0, 3 + self.count)
 
     def border_factor(self, mu: float, equalities: int) -> bool:
         """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
         self.judged = True
-        return bool(warm_step.border_factor(
-            self.elastic, self.geometric, mu, self.mesh.element.order, self.A, self.L, self.pivots,
-            self.V, self.delta, self.rows, equalities, self.borders, self.complement,
-        ))  # fmt: skip
+        system = *self.saddle[:2], self._factors(self.complement)
+        return bool(entry_points.border_factor(mu, system, self.V, self.delta, self.rows, equalities))
 
     def _judge(self) -> None:
-        """Have factors that tell of stability and errors, not those of the iteration with friction."""
+        """Compute factors for stability and error estimates: those of the iteration with friction are not."""
         if not self.judged:
             self.border_factor(0.0, 3 + self.count)
 
     def border_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `warm_step.border_step`."""
+        """See `bordered.border_step`."""
         s, y = np.empty(gradient.shape[0]), np.empty(self.rows)
-        warm_step.border_step(gradient, constraints, self.V, self.rows, self.mesh.element.order, self.L,
-                             self.pivots, self.borders, self.complement, s, y)  # fmt: skip
+        order, factors = self.mesh.element.order, self._factors(self.complement)
+        entry_points.border_step(gradient, constraints, self.V, self.rows, order, factors, s, y)
         return s, y
 
-    # what a solution says
+    # what an equilibrium says
 
     def _softest(self) -> float:
         if not self.count:
             return super()._softest()
         self._judge()
-        return float(warm_step.margin(
-            self.elastic, self.V, self.rows, self.mesh.element.order, self.L, self.pivots, self.borders,
-            self.complement, self.mode, self.waves(), 50,
+        order, factors = self.mesh.element.order, self._factors(self.complement)
+        return float(error_estimate.margin(
+            self.elastic, self.V, self.rows, order, factors, self.mode, self.start_vector(), 50,
         ))  # fmt: skip
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
@@ -240,47 +265,44 @@ class BorderedRod(Rod):
 
     def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
         """Derivative of the wrenches on clamps and obstacles; see `response.wrench_response`."""
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        self.rows = self.system(q, F, FRICTIONLESS)
+        self.trace(q)
+        self.rows = self.assemble(q, F, FRICTIONLESS)
         self.judged = self.ready = False
         points = self.points[: self.count]
         kind, pressure = points[:, KIND], points[:, FORCE]
         which = points[:, OBSTACLE].astype(int)
         assert self.obstacles is not None
-        rough = (self.obstacles[which, 17] > 0.0) & (pressure > 0.0)
+        rough = (self.obstacles[which, FRICTION_COEFFICIENT] > 0.0) & (pressure > 0.0)
         contacts = Contacts(
-            places=points[:, PLACE].copy(), obstacles=which, pressure=pressure,
-            friction=points[:, FRICTION : FRICTION + 3], slides=kind == POINT, lifts=kind >= FIRST,
+            arc_lengths=points[:, ARC_LENGTH].copy(), obstacles=which, pressure=pressure,
+            friction=points[:, FRICTION : FRICTION + 3], at_minimum=kind == POINT, lifts_off=kind >= FIRST,
             sticks=rough & (points[:, SLIPS] == 0.0) & (self.model == COULOMB), across=self.model == SLIDING,
             give=1.0 / STICK,
         )  # fmt: skip
-        mesh = (self.h, self.s0, self.mesh.element.nodes, self.tables[0], self.tables[4], self.primitives)
-        return wrench_response(
-            q, F, self.qe, F + self.f + self.held(), self.g, self.C, (self.elastic, self.geometric),
-            self.parts, mesh, self.c, self.obstacles, contacts, moving,
-        )  # fmt: skip
+        clamps = self.qe, F, F + self.f + self.contact_force(), self.g
+        return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving)
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         if not self.count:
             return super().wrench_error(q, F)
         self._judge()
         Fe, residual = np.empty((len(self.h), 3)), np.empty(self.g.size)
-        point_forces(q, F, self.h, self.s0, self.tables[0], self.tables[4], self.primitives, self.points,
-                     self.normals, self.count, Fe, self.acc)  # fmt: skip
+        point_forces(self.shape(q), F, self.contacts, self.count, Fe, self.acc)
         nodal(q, self.acc, residual)
-        curve(q, self.h, self.tables[0], self.primitives, self.c)
-        coarse = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
-        # what sticks does so where this mesh has put it: the force stays, no border holds the place
-        grips = np.abs(self.points[: self.count, GRIP]).astype(int)
-        held = np.concatenate([grips[grips > 0], 1 + grips[self.points[: self.count, GRIP] > 0.0]])
+        self.trace(q)
+        boundaries = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
+        # what sticks does so where this mesh has put it: the force stays, no row holds the position
+        sticks, slips = self.points[: self.count, [STICK_ROW, SLIP_ROW]].astype(int).T
+        sticks, slips = sticks[sticks > 0], slips[slips > 0]
+        friction = np.concatenate([sticks, 1 + sticks, slips])
         complement = self.complement
-        if len(held) and self.model == COULOMB:
+        if len(friction) and self.model == COULOMB:
             complement = complement[: self.rows, : self.rows].copy()
-            complement[held, held] = RELEASED
-        return np.asarray(warm_step.error(
-            q, Fe, self.re, self.f, self.K, self.natural, self.h, self.s0, self.fine, self.bubble,
-            self.elastic, self.geometric, self.V, self.rows, self.lines, self.upto, coarse, self.L,
-            self.pivots, self.borders, complement, self.g, residual, self.shares,
+            complement[friction, friction] = RELEASED
+        return np.asarray(error_estimate.error(
+            q, Fe, (self.qe, self.re, self.f), self.section, self.grid, self.enrichment,
+            (*self.saddle[:2], self._factors(complement)), self.constraints, self.rows,
+            (boundaries, residual, self.shares),
         ))  # fmt: skip
 
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
@@ -297,9 +319,9 @@ class BorderedRod(Rod):
         assert self.obstacles is not None
         n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
         size = relative_change(np.array([1.0, 0, 0, 0, 0, 0]), np.concatenate((F, self.g[-1])), self.least)
-        ends = (0.0, NOTHING, F + self.f + self.held(), -self.g[0]), (1.0, self.re, F, self.g[-1])
+        ends = (0.0, NOTHING, F + self.f + self.contact_force(), -self.g[0]), (1.0, self.re, F, self.g[-1])
         for k, (s, r, force, moment) in enumerate(ends):
-            t, M = quaternion.rotate(q[-k], AHEAD), quaternion.rotate(q[-k], moment)
+            t, M = quaternion.rotate(q[-k], Z_AXIS), quaternion.rotate(q[-k], moment)
             for o in np.unique(points[:, OBSTACLE]).astype(int):
                 gap(self.obstacles[o], r, n, directions, bends)
                 if inside(points, self.count, o, s) and not bends.any() and abs(t @ n) < LEVEL:
@@ -308,31 +330,33 @@ class BorderedRod(Rod):
         return out
 
     def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
-        """As `relative_error`, for what friction along stretches is between its samples.
+        """As `relative_error`, for friction along patches between the samples.
 
-        Taken to be as much as the highest mode that they tell on each element: little where it is smooth, but
-        friction remembers, and a cable that is all but free to move across answers to that with its wrench.
+        It is taken to be as large as the highest mode that the samples resolve on each element. That is
+        little if friction is smooth, but friction keeps its history, and the wrench of a cable that is nearly
+        free to move sideways depends on it.
         """
-        self.rubbed = self._rub()
-        if self.rubbed == 0.0:
+        self.friction_then = self._patch_friction()
+        if self.friction_then == 0.0:
             return 0.0
-        rub = self.points[: self.count, FRICTION : FRICTION + 3]
-        kept, mode = rub.copy(), np.empty((self.count, 3))
+        friction = self.points[: self.count, FRICTION : FRICTION + 3]
+        kept, mode = friction.copy(), np.empty((self.count, 3))
         highest_mode(self.points, self.count, mode)
         change = self.wrench_error(q, F)
-        rub -= mode
+        friction -= mode
         change -= self.wrench_error(q, F)
-        rub[:] = kept
+        friction[:] = kept
         return float(relative_change(change, np.concatenate((F, self.g[-1])), self.least))
 
-    def rubs_anew(self) -> bool:
-        """Whether friction along stretches has changed much since `friction_error` told of it."""
+    def friction_changed(self) -> bool:
+        """Whether friction along patches has changed much since `friction_error` was computed."""
         if self.count == 0 or self.model == FRICTIONLESS:
             return False
-        rub = self._rub()
-        return abs(rub - self.rubbed) > CHANGED * max(rub, self.rubbed)
+        now, then = self._patch_friction(), self.friction_then
+        return abs(now - then) > CHANGED * max(now, then)
 
-    def _rub(self) -> float:
+    def _patch_friction(self) -> float:
+        """Sum of the friction along patches."""
         points = self.points[: self.count]
         if SAMPLE not in points[:, KIND].tolist():  # quicker than to add up nothing
             return 0.0

@@ -2,8 +2,8 @@
 """Compiled: Coulomb friction of a contact point.
 
 An elastic-plastic law for the increment since the last equilibrium: stick is a stiff spring, slip a force of
-the cone's size against the increment. What sticks has its force as an unknown: by that, not by an increment
-times the spring's stiffness, is seen whether it stays in the cone. Units of the cable, start clamp's frame.
+the cone's size against the increment. The force of what sticks is an unknown: that force, not an increment
+times the spring's stiffness, decides whether it stays in the cone. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -11,40 +11,57 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
+from cable_ros.contact.distance import AXES, CENTRE
 from cable_ros.contact.points import FORCE, FRICTION, SLIPS
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+DIRECTION, ACROSS, STIFFNESS, TANGENT = 0, 3, 6, 7
+"""Slots of a tangent of friction: direction of the slip force (3), direction across it (3), stiffness across;
+and their number."""
 ROUNDING = 1e-10
-"""Of the cone, so that what is on its edge does not change sides for ever."""
+"""Fraction of the cone by which friction must leave its edge to change from stick to slip or back."""
 FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
+"""Models: none; with a history; as (53) of Liu et al. (2018), against the motion of the end."""
 STICK = 1e8
-"""Stiffness of stick, EI / L^3: what sticks gives way by 1e-8 of the length per unit of force."""
+"""Stiffness of stick, EI / L^3: what sticks moves by 1e-8 L per unit of force."""
 
 
 @njit(**OPTIONS)
-def rub(points, i, n, t, mu, model, step, turned, sense, anew, limit):
-    """Friction on contact point i after the increment `step` (3,) over the obstacle; writes it to `points`.
+def update_friction(points, i, at, mu, history, step, turned, initial, limit):
+    """Friction on contact point i after an increment over the obstacle, written to `points`.
 
-    `turned` (3,): the friction before, turned with the obstacle; `sense` (3,): which way the end goes, its
-    length the part of the friction that is mobilised; `anew`: begin with the friction before, sticking or
-    slipping as then. `limit` (7,) receives the tangent: direction of the slip force (3; zero: stick),
-    direction across it (3), stiffness across. Returns whether stick has become slip or the reverse.
+    Args:
+        points: (CAPACITY, COLUMNS) of `ContactSet`.
+        i: the contact point.
+        at: `Surface` there.
+        mu: coefficient of friction.
+        history: `History`.
+        step: (3,) the increment since the last equilibrium, L.
+        turned: (3,) the friction then, turned with the obstacle, EI / L^2.
+        initial: whether to take that friction, sticking or slipping as then.
+        limit: (TANGENT,) receives the tangent: direction of the slip force (zero: it sticks), direction
+            across it, stiffness across, EI / L^3.
+
+    Returns:
+        Whether it began to stick or to slip.
     """
-    for a in range(7):
+    n, t, direction = at.n, at.t, history.direction
+    for a in range(TANGENT):
         limit[a] = 0.0
     cone = mu * max(points[i, FORCE], 0.0)
-    if model == SLIDING:
+    if history.model == SLIDING:
         side = t[1] * n[2] - t[2] * n[1], t[2] * n[0] - t[0] * n[2], t[0] * n[1] - t[1] * n[0]
         size = np.sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
-        way = side[0] * sense[0] + side[1] * sense[1] + side[2] * sense[2]
-        share = np.sqrt(sense[0] ** 2 + sense[1] ** 2 + sense[2] ** 2) * (-1.0 if way > 0.0 else 1.0)
+        along = side[0] * direction[0] + side[1] * direction[1] + side[2] * direction[2]
+        share = np.sqrt(direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2)
+        share *= -1.0 if along > 0.0 else 1.0
         for a in range(3):
-            limit[a] = 0.0 if size == 0.0 else share * side[a] / size
-            points[i, FRICTION + a] = cone * limit[a]
+            limit[DIRECTION + a] = 0.0 if size == 0.0 else share * side[a] / size
+            points[i, FRICTION + a] = cone * limit[DIRECTION + a]
         return False
     if cone == 0.0:
-        # about to lift off: it slips, without a force, and which way is seen when it presses again
+        # about to lift off: it slips without a force, in a direction that shows when it presses again
         points[i, SLIPS] = 1.0
         for a in range(3):
             points[i, FRICTION + a] = 0.0
@@ -52,55 +69,56 @@ def rub(points, i, n, t, mu, model, step, turned, sense, anew, limit):
     force, trial = np.empty(3), np.empty(3)
     off, normal = 0.0, 0.0
     for a in range(3):
-        force[a] = turned[a] if anew else points[i, FRICTION + a]
+        force[a] = turned[a] if initial else points[i, FRICTION + a]
         trial[a] = turned[a] - STICK * step[a]
         off += force[a] * n[a]
         normal += trial[a] * n[a]
-    held, size, along = 0.0, 0.0, 0.0
+    norm, size, along = 0.0, 0.0, 0.0
     for a in range(3):
         force[a] -= off * n[a]
         trial[a] -= normal * n[a]
-        held += force[a] * force[a]
+        norm += force[a] * force[a]
         size += trial[a] * trial[a]
         along += force[a] * trial[a]
-    held, size = np.sqrt(held), np.sqrt(size)
+    norm, size = np.sqrt(norm), np.sqrt(size)
     slips = points[i, SLIPS] == 1.0
-    if not slips and held > (1.0 + ROUNDING) * cone and held > 0.0 and not anew:
+    if not slips and norm > (1.0 + ROUNDING) * cone and norm > 0.0 and not initial:
         points[i, SLIPS] = 1.0
         trial = force
-        size = held
-    elif slips and not anew and (size < (1.0 - ROUNDING) * cone or along < 0.0):
+        size = norm
+    elif slips and not initial and (size < (1.0 - ROUNDING) * cone or along < 0.0):
         points[i, SLIPS] = 0.0
-    elif slips and anew:
+    elif slips and initial:
         trial = force
-        size = held
+        size = norm
     if points[i, SLIPS] == 0.0 or size == 0.0:
         points[i, SLIPS] = 0.0
-        limit[6] = STICK
+        limit[STIFFNESS] = STICK
         for a in range(3):
             points[i, FRICTION + a] = force[a]
         return slips
     for a in range(3):
-        limit[a] = trial[a] / size
-        points[i, FRICTION + a] = cone * limit[a]
-    limit[3] = n[1] * limit[2] - n[2] * limit[1]
-    limit[4] = n[2] * limit[0] - n[0] * limit[2]
-    limit[5] = n[0] * limit[1] - n[1] * limit[0]
-    limit[6] = STICK * cone / size
+        limit[DIRECTION + a] = trial[a] / size
+        points[i, FRICTION + a] = cone * limit[DIRECTION + a]
+    d0, d1, d2 = limit[DIRECTION], limit[DIRECTION + 1], limit[DIRECTION + 2]
+    limit[ACROSS] = n[1] * d2 - n[2] * d1
+    limit[ACROSS + 1] = n[2] * d0 - n[0] * d2
+    limit[ACROSS + 2] = n[0] * d1 - n[1] * d0
+    limit[STIFFNESS] = STICK * cone / size
     return not slips
 
 
 @njit(**OPTIONS)
 def carry(old, new, r, v):
-    """Move the place r (3,) and turn the vector v (3,) with an obstacle from where it was to where it is."""
+    """Move the position r (3,) and turn the vector v (3,) with an obstacle, from `old` to `new` (WIDTH,)."""
     y, w = np.zeros(3), np.zeros(3)
     for i in range(3):
         for j in range(3):
-            y[i] += old[4 + 3 * j + i] * (r[j] - old[1 + j])
-            w[i] += old[4 + 3 * j + i] * v[j]
+            y[i] += old[AXES + 3 * j + i] * (r[j] - old[CENTRE + j])
+            w[i] += old[AXES + 3 * j + i] * v[j]
     for i in range(3):
-        r[i] = new[1 + i]
+        r[i] = new[CENTRE + i]
         v[i] = 0.0
         for j in range(3):
-            r[i] += new[4 + 3 * i + j] * y[j]
-            v[i] += new[4 + 3 * i + j] * w[j]
+            r[i] += new[AXES + 3 * i + j] * y[j]
+            v[i] += new[AXES + 3 * i + j] * w[j]

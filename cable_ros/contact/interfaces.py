@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: where contact points sit on the cable, and the boundaries between elements that go with them.
+"""Compiled: r-adaptation: the arc lengths of contact points, and the boundaries of elements that they own.
 
-The curvature has a kink under a point force, and the shear force jumps at the ends of a stretch: both want a
-boundary between two elements. Units of the cable, start clamp's frame.
+The curvature has a kink under a point force, and the shear force jumps at the ends of a contact patch: both
+need a boundary between two elements. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -10,43 +10,59 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
+from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import gap
-from cable_ros.contact.points import FORCE, KIND, OBSTACLE, PLACE, POINT, SAMPLE, TIE
-from cable_ros.rod.centreline import curve, direction, position, shape
+from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT, SAMPLE
+from cable_ros.rod.centreline import curve, direction, position
+from cable_ros.rod.centreline import shape as shape_functions
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 NARROWEST = 0.12
-"""A boundary slides no nearer to its neighbours than this part of the way between them, and no nearer to a
-clamp than half the way to it, if that is less."""
+"""Least distance of a boundary to its neighbours, fraction of the distance between them; of one to a clamp,
+half of how near it is, if that is less."""
 SHORTEST = 1e-3
-"""And no nearer than this to one that another contact point has; parts of the length."""
+"""Least distance to a boundary that another contact point owns, L."""
 
 
 @njit(**LEAF)
-def gap_at(q, h, s0, nodes, c, s, obstacle, r, t, dt, n, directions, bends):
-    """Gap at arc length s, its first and second derivative by s."""
-    position(c, h, s0, s, r)
-    direction(q, h, s0, nodes, s, t, dt)
-    value = gap(obstacle, r, n, directions, bends)
+def gap_at(shape, s, obstacle, at):
+    """Gap at arc length s, its first and second derivative by s.
+
+    Args:
+        shape: `Shape`.
+        s: arc length, L.
+        obstacle: (WIDTH,).
+        at: `Surface`, overwritten.
+    """
+    q, c, (h, s0, tables) = shape
+    position(c, h, s0, s, at.r)
+    direction(q, h, s0, tables.nodes, s, at.t, at.dt)
+    value = gap(obstacle, at.r, at.n, at.directions, at.bends)
     slope, curvature = 0.0, 0.0
     for a in range(3):
-        slope += n[a] * t[a]
-        curvature += n[a] * dt[a]
+        slope += at.n[a] * at.t[a]
+        curvature += at.n[a] * at.dt[a]
     for i in range(2):
-        along = directions[i, 0] * t[0] + directions[i, 1] * t[1] + directions[i, 2] * t[2]
-        curvature += bends[i] * along * along
+        d = at.directions
+        along = d[i, 0] * at.t[0] + d[i, 1] * at.t[1] + d[i, 2] * at.t[2]
+        curvature += at.bends[i] * along * along
     return value, slope, curvature
 
 
 @njit(**OPTIONS)
-def lowest(q, h, s0, nodes, c, s, reach, obstacle):
-    """The arc length of the gap's minimum near s, at most `reach` away, by safeguarded Newton steps."""
-    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    directions, bends = np.empty((2, 3)), np.empty(2)
+def lowest(shape, s, reach, obstacle):
+    """The arc length of the gap's minimum near s, at most `reach` away, by safeguarded Newton steps.
+
+    Args:
+        shape: `Shape`.
+        s, reach: arc length and distance along the cable, L.
+        obstacle: (WIDTH,).
+    """
+    at = surface()
     low, high = max(s - reach, 0.0), min(s + reach, 1.0)
     for _ in range(30):
-        _, slope, curvature = gap_at(q, h, s0, nodes, c, s, obstacle, r, t, dt, n, directions, bends)
+        _, slope, curvature = gap_at(shape, s, obstacle, at)
         if slope > 0.0:
             high = s
         else:
@@ -62,7 +78,13 @@ def lowest(q, h, s0, nodes, c, s, reach, obstacle):
 
 @njit(**LEAF)
 def room(points, count, boundary, h, s0):
-    """How near a boundary may come to the one before it and to the one after it."""
+    """Distances, L, to which a boundary may approach the one before it and the one after it.
+
+    Args:
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        boundary: its number.
+        h, s0: of `Grid`.
+    """
     narrow = NARROWEST * (h[boundary - 1] + h[boundary])
     before, after = narrow, narrow
     # a point may come close to a clamp
@@ -71,19 +93,28 @@ def room(points, count, boundary, h, s0):
     if boundary == h.shape[0] - 1:
         after = min(narrow, max(0.5 * h[boundary], SHORTEST))
     for i in range(count):
-        if points[i, TIE] == boundary - 1 and boundary > 1:
+        if points[i, INTERFACE] == boundary - 1 and boundary > 1:
             before = min(narrow, SHORTEST)
-        if points[i, TIE] == boundary + 1:
+        if points[i, INTERFACE] == boundary + 1:
             after = min(narrow, SHORTEST)
     return before, after
 
 
 @njit(**OPTIONS)
-def slide(q, h, s0, nodes, boundary, s, before, after):
-    """Move the boundary between two elements to the arc length s; the shape q (n, 4) stays, its nodes move.
+def move_interface(q, grid, boundary, s, before, after):
+    """Move the boundary between two elements to an arc length; the shape stays, its nodes move.
 
-    Returns whether it may: no nearer than `before` and `after` to the neighbouring boundaries.
+    Args:
+        q: (n, 4) nodal frames, overwritten.
+        grid: `Grid`, overwritten.
+        boundary: its number.
+        s: arc length, L.
+        before, after: least distances to the neighbouring boundaries, L.
+
+    Returns:
+        Whether it keeps those distances; it stays where it was otherwise.
     """
+    h, s0, nodes = grid.h, grid.s0, grid.tables.nodes
     e = boundary - 1
     low, old = s0[e], s0[boundary]
     high = old + h[boundary]
@@ -98,7 +129,7 @@ def slide(q, h, s0, nodes, boundary, s, before, after):
     for m in range(2 * order + 1):
         at = low + (s - low) * nodes[m] if m <= order else s + (high - s) * nodes[m - order]
         left = at < old
-        shape(nodes, (at - low) / (old - low) if left else (at - old) / (high - old), N, dN)
+        shape_functions(nodes, (at - low) / (old - low) if left else (at - old) / (high - old), N, dN)
         base = first if left else first + order
         size = 0.0
         for a in range(4):
@@ -119,11 +150,14 @@ def slide(q, h, s0, nodes, boundary, s, before, after):
 
 
 @njit(**OPTIONS)
-def tie(points, count, i, h, s0):
-    """Give contact point i the nearest free boundary that can come to it, or none; whether it has one."""
-    s = points[i, PLACE]
+def own_interface(points, count, i, h, s0):
+    """Give contact point i the nearest free boundary that can move to it, or none; whether it has one.
+
+    `points`, `count`, `h`, `s0`: as in `room`.
+    """
+    s = points[i, ARC_LENGTH]
     best, distance = -1, np.inf
-    points[i, TIE] = -1.0
+    points[i, INTERFACE] = -1.0
     for b in range(1, h.shape[0]):
         low, high = s0[b - 1], s0[b] + h[b]
         away = abs(s - s0[b])
@@ -133,43 +167,51 @@ def tie(points, count, i, h, s0):
             continue
         taken = False
         for k in range(count):
-            taken = taken or points[k, TIE] == b
+            taken = taken or points[k, INTERFACE] == b
         if not taken:
             best, distance = b, away
-    points[i, TIE] = best
+    points[i, INTERFACE] = best
     return best >= 0
 
 
 @njit(**OPTIONS)
-def place_points(q, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count):
-    """Let the points go to their gap's minimum, and boundaries to them and to where stretches end.
+def place_points(shape, obstacles, spacing, points, count):
+    """Move the points to their gap's minimum, and boundaries to them and to the ends of patches.
 
-    Returns whether each has its boundary.
+    Args:
+        shape: `Shape`, which changes with the mesh.
+        obstacles: (o, WIDTH).
+        spacing: of the samples, L.
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+
+    Returns:
+        Whether each has its boundary.
     """
-    r, t, dt, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    directions, bends = np.empty((2, 3)), np.empty(2)
-    curve(q, h, N, primitives, c)
-    tied = True
+    q, c, grid = shape
+    h, s0, tables = grid
+    at = surface()
+    curve(q, h, tables.values, tables.primitives, c)
+    owned = True
     for i in range(count):
         if points[i, KIND] == SAMPLE:
             continue
         if points[i, KIND] == POINT:
-            ob, s = obstacles[int(points[i, OBSTACLE])], points[i, PLACE]
-            _, _, curvature = gap_at(q, h, s0, nodes, c, s, ob, r, t, dt, n, directions, bends)
-            minimum = lowest(q, h, s0, nodes, c, s, spacing, ob)
-            # the kink that its force makes goes with the point: the shape does not show it where it went
+            ob, s = obstacles[int(points[i, OBSTACLE])], points[i, ARC_LENGTH]
+            _, _, curvature = gap_at(shape, s, ob, at)
+            minimum = lowest(shape, s, spacing, ob)
+            # the kink that its force makes moves with the point: the shape does not show it at the minimum
             if 0.25 * points[i, FORCE] * abs(minimum - s) <= curvature:
-                points[i, PLACE] = minimum
+                points[i, ARC_LENGTH] = minimum
         for _ in range(2):
-            if points[i, TIE] < 0.0 and not tie(points, count, i, h, s0):
+            if points[i, INTERFACE] < 0.0 and not own_interface(points, count, i, h, s0):
                 break
-            b = int(points[i, TIE])
+            b = int(points[i, INTERFACE])
             before, after = room(points, count, b, h, s0)
-            if slide(q, h, s0, nodes, b, points[i, PLACE], before, after):
+            if move_interface(q, grid, b, points[i, ARC_LENGTH], before, after):
                 break
-            points[i, TIE] = -1.0
-        if points[i, TIE] >= 0.0:
-            curve(q, h, N, primitives, c)
+            points[i, INTERFACE] = -1.0
+        if points[i, INTERFACE] >= 0.0:
+            curve(q, h, tables.values, tables.primitives, c)
         else:
-            tied = False
-    return tied
+            owned = False
+    return owned

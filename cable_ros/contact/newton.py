@@ -6,12 +6,14 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.assembly import system
-from cable_ros.contact.detection import flatten, revise
+from cable_ros.contact.assembly import assemble_kkt
+from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
+from cable_ros.contact.detection import flatten, update_active_set
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.interfaces import place_points
-from cable_ros.contact.patches import SAMPLES, coarse, cover, fill, move_ends, shrink
-from cable_ros.contact.points import FORCE, FRICTION, GRIP, HELD, KIND, POINT, ROW, SAMPLE
+from cable_ros.contact.patch_ends import move_ends, shrink
+from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
+from cable_ros.contact.points import BEFORE, FORCE, FRICTION, KIND, POINT, SAMPLE, SLOPE_ROW, STICK_ROW
 from cable_ros.linalg import banded
 from cable_ros.linalg.bordered import (
     border_factor,
@@ -23,53 +25,81 @@ from cable_ros.linalg.bordered import (
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import curve
+from cable_ros.rod.rod_state import Section, grid_of
 from cable_ros.rod.warm_step import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 SLOW = 0.15
-"""Factors that take away less than all but this part of an error are made anew."""
+"""Refactor if an iteration leaves more than this fraction of the error."""
 MOST_REVISIONS, MOST_ITERATIONS = 44, 25
-"""Revisions of the set in a solve, and iterations between two of them."""
+"""Maximum number of changes of the active set in a solve, and of iterations between two of them."""
 ROUNDING = 10.0
-"""Steps that no longer shrink and are no longer than so many times the tolerance come of rounding."""
+"""Steps that stagnate below this multiple of the tolerance are rounding error."""
 MOST_IN_ALL = 250
-"""Iterations of a solve after which no more revisions are tried: a set that keeps changing is none."""
+"""Beyond this many iterations the active set is assumed to cycle."""
 
 
 @njit(**OPTIONS)
-def skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S):
-    """`border_factor` where multipliers act along W, constraints read V; says nothing about stability."""
+def skew_factor(kkt, count, order):
+    """`border_factor` where multipliers act along W, constraints read V; says nothing about stability.
+
+    Args:
+        kkt: `KKT`, whose factors are overwritten.
+        count: number of constraint rows.
+        order: of the elements.
+    """
+    elastic, geometric = kkt.tangents.elastic, kkt.tangents.geometric
+    A, U, pivots, _, S = kkt.factors
     n = elastic.shape[0]
     for i in range(n):
         for j in range(A.shape[1]):
             A[i, j] = elastic[i, j] + geometric[i, j]
     banded.factor(A, 3, n - 3, order, U, pivots)
-    complement(V, W, rows, order, U, pivots, Y, S)
-    for a in range(rows):
-        S[a, a] += delta[a]
+    complement(kkt.rows.V, kkt.rows.W, count, order, kkt.factors)
+    for a in range(count):
+        S[a, a] += kkt.rows.delta[a]
 
 
 @njit(**OPTIONS)
-def touch(
-    q, F, qe, re, f, K, kappa0, h, s0, tables, nodes, primitives, samples,
-    obstacles, old_obstacles, sense, model, points, count, rows, ready, known, old_f, gaps, normals,
-    elastic, geometric, parts, C, A, U, pivots, V, W, delta, lines, upto, Y, S, acc, g, radial, totals,
-    tolerance, depth, give, finest, limit, drift, refresh, q_new, F_new,
-):  # fmt: skip
-    """From the equilibrium (q, F) with contact to the one under new conditions; see `warm_step.advance`.
+def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt, options, control, new):
+    """From an equilibrium with contact to the one under new conditions; see `warm_step.advance`.
 
-    A tangent step from the old state, Newton's method on the active set, and revisions of the set until no
-    point pulls and nothing is deeper inside than `depth`, beside stretches than `give`. Changes points, h and
-    s0 in place. Where factors of an equilibrium with the same `rows` borders are there, `ready`, from which
-    some section has turned by `drift` rad, they serve until that is more than `refresh` or no longer
-    contract. `known`: the gradient at (q, F) is still there, that for the load `old_f`. Returns (code,
-    iterations, count, rows, whether another mesh would hold the points better, drift; 0: factors are new).
+    A tangent step from the old state, Newton's method on the active set, and changes of the set until no
+    point pulls and nothing is too deep inside. The factors of an earlier equilibrium serve until a section
+    has turned too far since or they no longer contract.
+
+    Args:
+        last: fields of `Last`, as a plain tuple, see `entry_points`; so are the next ones.
+        conditions: of `Conditions`.
+        obstacles: (o, WIDTH) the obstacles.
+        section: of `Section`.
+        grid: of `Grid`; contact moves its boundaries.
+        contacts: of `ContactSet`, overwritten.
+        kkt: of `KKT`, overwritten.
+        options: of `contact_state.Options`.
+        control: of `StepControl`.
+        new: nodal frames (n, 4) and end force (3,), overwritten.
+
+    Returns:
+        How it ended, see `warm_step.advance`; numbers of iterations, contact points and constraint rows;
+        whether another mesh would hold the points better; rotation since the last factorisation, rad.
     """
-    N, gauss = tables[0], tables[4]
+    last, section, grid, contacts = Last(*last), Section(*section), grid_of(grid), ContactSet(*contacts)
+    kkt, options = kkt_of(kkt), Options(*options)
+    q, F, _, _, count, total_rows, ready, known = last
+    q_new, F_new = new
+    qe, re, f = conditions
+    h, s0, tables = grid
+    points, gaps, _ = contacts
+    evaluation, tangents, rows, factors = kkt
+    V, lines, totals = rows.V, rows.lines, evaluation.totals
+    model, _, samples, depth, give, finest = options
+    tolerance, limit, rotation, refactor_at = control
+    N, primitives = tables.values, tables.primitives
     order = N.shape[1] - 1
     n = 3 * q.shape[0]
-    gv = g.reshape(n)
+    gv = evaluation.g.reshape(n)
     s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
     elements = h.shape[0]
     cells = samples.shape[0] - 1
@@ -77,137 +107,142 @@ def touch(
     phi = np.empty((obstacles.shape[0], cells + 1))
     covered = np.empty((obstacles.shape[0], SAMPLES * elements), np.bool_)
     cover(points, count, h, s0, covered)
-    c = np.empty((elements, gauss.shape[0] + 1, 3))
+    c = np.empty((elements, N.shape[0] + 1, 3))
     old_c = np.empty_like(c)
     curve(q, h, N, primitives, old_c)
-    old_h, old_s0 = h.copy(), s0.copy()
+    history = History(model, options.direction, old_c, h.copy(), s0.copy(), last.obstacles)
+    shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
         for a in range(3):
-            points[i, HELD + a] = points[i, FRICTION + a]
-    last = q.shape[0] - 1
+            points[i, BEFORE + a] = points[i, FRICTION + a]
     copy_rows(q, q_new)
     copy(F, F_new)
-    theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
-    total, size, new = 0, 0.0, 0.0
-    factors, swaps = S, np.empty(0, np.int64)
-    lift, moved, convex = True, False, True  # `lift`: the tangent step, which takes the end to its new place
-    steady = model != COULOMB  # whether no friction's direction is part of the iteration
+    theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[q.shape[0] - 1]), qe))
+    total, size, step = 0, 0.0, 0.0
+    small, swaps = factors.S, np.empty(0, np.int64)
+    tangent, moved, convex = True, False, True  # `tangent`: the tangent step, which moves the end
+    steady = model != COULOMB  # whether no direction of friction is part of the iteration
     holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
-    known = known and ready and (f == old_f).all() and (obstacles == old_obstacles).all()
+    known = known and ready and (f == last.f).all() and (obstacles == last.obstacles).all()
     for _ in range(MOST_REVISIONS):
         if total > MOST_IN_ALL:
-            return NOT_CONTRACTING, total, count, rows, moved, drift
+            return NOT_CONTRACTING, total, count, total_rows, moved, rotation
         converged = False
         for iteration in range(MOST_ITERATIONS):
             changes = 0
             curve(q_new, h, N, primitives, c)
-            if not lift:
-                flattened, count = flatten(q_new, h, s0, nodes, c, spacing, obstacles, give, points, count)
-                moved = not place_points(
-                    q_new, h, s0, N, nodes, primitives, c, obstacles, spacing, points, count
-                )
+            if not tangent:
+                flattened, count = flatten(shape, spacing, obstacles, give, points, count)
+                moved = not place_points(shape, obstacles, spacing, points, count)
                 shrunk, count = shrink(points, count, spacing, depth)
                 changes, count = fill(points, count, h, s0, covered)
                 changes += flattened + shrunk
             holds = holds and changes == 0
-            full = not holds or (not lift and (drift > refresh or rate > SLOW))
+            full = not holds or (not tangent and (rotation > refactor_at or rate > SLOW))
             if not full:
-                gaps[count : rows - 3] = 0.0
-            borders, same, flips = 0, True, 0
-            if not (lift and known):
-                borders, same, flips = system(
-                    q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
-                    old_s0, old_obstacles, sense, model, lift, points, count, gaps, normals,
-                    acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
-                )  # fmt: skip
-            if not full and (flips > 0 or (not lift and not same)):
+                gaps[count : total_rows - 3] = 0.0
+            new_rows, same, flips = 0, True, 0
+            if not (tangent and known):
+                new_rows, same, flips = assemble_kkt(
+                    shape, (F_new, f), section, obstacles, history, contacts, count, kkt, full, tangent
+                )
+            if not full and (flips > 0 or (not tangent and not same)):
                 full = True
-                borders, same, _ = system(
-                    q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
-                    old_s0, old_obstacles, sense, model, lift, points, count, gaps, normals,
-                    acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, full,
-                )  # fmt: skip
+                new_rows, same, _ = assemble_kkt(
+                    shape, (F_new, f), section, obstacles, history, contacts, count, kkt, full, tangent
+                )
             changes += flips
             if full:
-                rows, holds, fresh, drift = borders, True, True, 0.0
+                total_rows, holds, fresh, rotation = new_rows, True, True, 0.0
                 steady = same or model != COULOMB
             if full and same:
-                convex = border_factor(
-                    elastic, geometric, 0.0, order, A, U, pivots, V, delta, rows, 3 + count, Y, S
-                )
+                convex = border_factor(tangents, 0.0, order, factors, V, rows.delta, total_rows, 3 + count)
             elif full:
-                skew_factor(elastic, geometric, order, A, U, pivots, V, W, delta, rows, Y, S)
-            if full or swaps.shape[0] != rows:
-                factors, swaps = complement_factors(S, rows)
+                skew_factor(kkt, total_rows, order)
+            if full or swaps.shape[0] != total_rows:
+                small, swaps = complement_factors(factors.S, total_rows)
             b[:] = 0.0
             for a in range(3):
                 b[a] = totals[a] - re[a]
-            for i in range(3, rows):
+            for i in range(3, total_rows):
                 b[i] = gaps[i - 3]
-            if lift:
-                end_coupling(elastic, geometric, V, rows, theta, gv, b)
-            border_solve(gv, b, V, rows, order, U, pivots, Y, factors, swaps, s, y)
-            if lift:
+            if tangent:
+                end_coupling(tangents, V, total_rows, theta, gv, b)
+            border_solve(gv, b, V, order, factors, small, swaps, s, y)
+            if tangent:
                 for k in range(3):
                     s[n - 3 + k] = theta[k]
-            new = largest(s)
-            if not new <= limit:
-                return TOO_FAR, total, count, rows, moved, drift
-            drift += new
+            step = largest(s)
+            if not step <= limit:
+                return TOO_FAR, total, count, total_rows, moved, rotation
+            rotation += step
             quaternion.retract(q_new, s, q_new)
             close(q_new, qe)
-            scale, change, couple = 1e-3, 0.0, 0.0
-            for a in range(3):
-                F_new[a] += y[a]
-                scale = max(scale, abs(F_new[a]))
-                change = max(change, abs(y[a]))
-            for i in range(count):
-                points[i, FORCE] += y[3 + i]
-                k = int(points[i, GRIP])
-                if k > 0:
-                    for a in range(3):
-                        points[i, FRICTION + a] += y[k] * lines[k, a] + y[k + 1] * lines[k + 1, a]
-                if points[i, KIND] != SAMPLE:
-                    change = max(change, abs(y[3 + i]))
-                # the couple is the force times the way that its place has still to go
-                if points[i, KIND] == POINT and points[i, ROW] > 0.0:
-                    couple = max(couple, abs(y[int(points[i, ROW])]))
-            shape = max(new, couple / scale, move_ends(points, count, y, spacing))
-            new = max(shape, change / scale)
-            if not lift:
+            change, couple, scale = correct_forces(points, count, y, lines, F_new)
+            turned = max(step, couple / scale, move_ends(points, count, y, spacing))
+            step = max(turned, change / scale)
+            if not tangent:
                 total += 1
-                rate = max(min(new / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, drift)
-                # friction's direction may be held less stiffly than its border says
+                rate = max(min(step / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, rotation)
+                # the constraint rows may hold the direction of friction too stiffly
                 trusted = rate if steady or full else max(rate, 0.5)
-                if changes == 0 and (new * trusted <= tolerance or new < 1e-13):
+                if changes == 0 and (step * trusted <= tolerance or step < 1e-13):
                     converged = True
                     break
-                stays = same and steady and changes == 0 and iteration > 4 and new > 0.9 * size
-                if stays and shape <= ROUNDING * tolerance:
-                    # the shape hardly tells how places side by side share their force
-                    new, converged = shape, True
+                stagnates = same and steady and changes == 0 and iteration > 4 and step > 0.9 * size
+                if stagnates and turned <= ROUNDING * tolerance:
+                    # the shape hardly depends on how neighbouring samples share their force
+                    step, converged = turned, True
                     break
-                if iteration > 12 and new > 0.9 * size and model == FRICTIONLESS:
-                    return NOT_CONTRACTING, total, count, rows, moved, drift
-            lift = False
-            size = new
+                if iteration > 12 and step > 0.9 * size and model == FRICTIONLESS:
+                    return NOT_CONTRACTING, total, count, total_rows, moved, rotation
+            tangent = False
+            size = step
         if not converged:
-            return NOT_CONTRACTING, total, count, rows, moved, drift
-        # what is left of the iteration is nothing that sinks in
-        left = depth + new * rate
-        changed, count = revise(
-            q_new, h, s0, N, nodes, primitives, c, samples, spacing, obstacles, left, left - depth + give,
-            points, count, phi,
-        )  # fmt: skip
+            return NOT_CONTRACTING, total, count, total_rows, moved, rotation
+        # the error of the iteration must not pass for penetration
+        left = depth + step * rate
+        changed, count = update_active_set(
+            shape, samples, obstacles, left, left - depth + give, points, count, phi
+        )
         if not changed:
             moved = moved or coarse(points, count, h, s0, finest)
             if not convex and model == FRICTIONLESS:
-                return NOT_CONVEX, total, count, rows, moved, drift
-            system(
-                q_new, F_new, f, K, kappa0, h, s0, tables, nodes, primitives, c, obstacles, old_c, old_h,
-                old_s0, old_obstacles, sense, model, False, points, count, gaps, normals,
-                acc, g, radial, totals, elastic, geometric, parts, C, V, W, delta, lines, upto, False,
-            )  # fmt: skip
-            return ADVANCED, total, count, rows, moved, 0.0 if fresh else drift
+                return NOT_CONVEX, total, count, total_rows, moved, rotation
+            assemble_kkt(shape, (F_new, f), section, obstacles, history, contacts, count, kkt, False, False)
+            return ADVANCED, total, count, total_rows, moved, 0.0 if fresh else rotation
         size, rate, holds = 0.0, 0.0, False
-    return NOT_CONTRACTING, total, count, rows, moved, drift
+    return NOT_CONTRACTING, total, count, total_rows, moved, rotation
+
+
+@njit(**OPTIONS)
+def correct_forces(points, count, y, lines, F):
+    """Add the multipliers of a step to the forces.
+
+    Args:
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        y: (rows,) the multipliers.
+        lines: (rows, 3) of `ConstraintRows`.
+        F: (3,) the end force.
+
+    Returns:
+        The largest change of a force, EI / L^2, without those of samples, the largest change of a couple that
+        holds a slope at a point, EI / L, and the size of the end force, 1e-3 at least.
+    """
+    scale, change, couple = 1e-3, 0.0, 0.0
+    for a in range(3):
+        F[a] += y[a]
+        scale = max(scale, abs(F[a]))
+        change = max(change, abs(y[a]))
+    for i in range(count):
+        points[i, FORCE] += y[3 + i]
+        k = int(points[i, STICK_ROW])
+        if k > 0:
+            for a in range(3):
+                points[i, FRICTION + a] += y[k] * lines[k, a] + y[k + 1] * lines[k + 1, a]
+        if points[i, KIND] != SAMPLE:
+            change = max(change, abs(y[3 + i]))
+        # the couple is the force times the distance that its point has still to go
+        if points[i, KIND] == POINT and points[i, SLOPE_ROW] > 0.0:
+            couple = max(couple, abs(y[int(points[i, SLOPE_ROW])]))
+    return change, couple, scale

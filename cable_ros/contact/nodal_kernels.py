@@ -25,18 +25,16 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.contact.distance import across, gap
+from cable_ros.contact.distance import AXES, CENTRE, FRICTION_COEFFICIENT, across, gap
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import LANES
-from cable_ros.rod.energy_kernels import gradient
+from cable_ros.rod.energy_kernels import FORCE, gradient
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
-FRICTION = 17
-"""Column of an obstacle that holds its coefficient of friction, see `distance.WIDTH`."""
 COMPLIANCE = 1e-6
-"""L^3 / EI: what sticks gives way by so much per force, less than a grid can tell. With 1e-8 the borders
-between stick and slip move place by place: Newton's method takes twice as long or does not get there."""
+"""L^3 / EI: what sticks moves by this per force, less than a grid resolves. With 1e-8 the boundaries
+between stick and slip move point by point: Newton's method takes twice as long or does not converge."""
 YIELD = 1e-14
 """Compliance of an obstacle's surface, L^3 / EI. Where a cable lies beside a clamp, the clamp carries its
 weight over a length of about the fourth root, 3e-4 L."""
@@ -63,20 +61,20 @@ def carry_history(r, frames, old, new, carried, turned):
             for i in range(3):
                 y[i] = 0.0
                 for j in range(3):
-                    y[i] += a[4 + 3 * j + i] * (r[k, j] - a[1 + j])
+                    y[i] += a[AXES + 3 * j + i] * (r[k, j] - a[CENTRE + j])
             for i in range(3):
-                v = b[1 + i]
+                v = b[CENTRE + i]
                 for j in range(3):
-                    v += b[4 + 3 * i + j] * y[j]
+                    v += b[AXES + 3 * i + j] * y[j]
                 carried[k, o, i] = v
             for i in range(3):
                 y[i] = 0.0
                 for j in range(3):
-                    y[i] += a[4 + 3 * j + i] * frames[k, o, j]
+                    y[i] += a[AXES + 3 * j + i] * frames[k, o, j]
             for i in range(3):
                 v = 0.0
                 for j in range(3):
-                    v += b[4 + 3 * i + j] * y[j]
+                    v += b[AXES + 3 * i + j] * y[j]
                 turned[k, o, i] = v
 
 
@@ -111,7 +109,7 @@ def project(lam, tau, tau0, phi, u, mu, scales, out):
         scales: those of normal force and friction, and the compliance of stick; see `Step`.
         out: (3,) receives the residuals, EI / L^2.
     """
-    rho, grip, give = scales
+    rho, rho_t, give = scales
     push = lam - rho * (phi + YIELD * lam)
     if push <= 0.0:
         out[0], out[1], out[2] = lam, tau[0], tau[1]
@@ -120,8 +118,8 @@ def project(lam, tau, tau0, phi, u, mu, scales, out):
     if mu == 0.0:
         out[1], out[2] = tau[0], tau[1]
         return SLIP, 0.0, 0.0, 0.0
-    t0 = tau[0] - grip * (u[0] + give * (tau[0] - tau0[0]))
-    t1 = tau[1] - grip * (u[1] + give * (tau[1] - tau0[1]))
+    t0 = tau[0] - rho_t * (u[0] + give * (tau[0] - tau0[0]))
+    t1 = tau[1] - rho_t * (u[1] + give * (tau[1] - tau0[1]))
     size = np.sqrt(t0 * t0 + t1 * t1)
     radius = mu * push
     if size <= radius:
@@ -166,23 +164,27 @@ def contact_frames(state, obstacles, frames, normals, forces):
 
 @njit(**OPTIONS)
 def residuals(state, model, step, work):
-    """Residuals of all equations at a `State` of a `Model` in a `Step`; `work` (`Work`) receives them."""
+    """Residuals of all equations.
+
+    Args:
+        state, model, step: `State`, `Model` and `Step`.
+        work: `Work`, which receives the residuals.
+    """
     q, r, F = state.q, state.r, state.F
-    h, tables = model.h, model.tables
+    h, tables = model.grid.h, model.grid.tables
+    evaluation = work.evaluation
+    g, lanes = evaluation.g, evaluation.lanes
     elements = h.shape[0]
-    work.acc[:] = 0.0
-    gradient(
-        q, F, model.f, model.K, model.natural, h, model.s0, tables, work.lanes, work.acc, work.g,
-        work.radial, work.totals,
-    )  # fmt: skip
-    blocks = (work.lanes.shape[0] - 1) // elements
-    weights = tables[5]
+    evaluation.acc[:] = 0.0
+    gradient(q, F, model.f, model.section, model.grid, evaluation)
+    blocks = (lanes.shape[0] - 1) // elements
+    weights = tables.weights
     for e in range(elements):
         for a in range(3):
             v = 0.0
-            for k in range(weights.shape[0]):  # the tangents stand in the lanes' rows 8 to 10
-                v += weights[k] * work.lanes[e * blocks + k // LANES, (8 + a) * LANES + k % LANES]
-            work.way[e, a] = r[e + 1, a] - r[e, a] - h[e] * v
+            for k in range(weights.shape[0]):  # the tangents stand where the forces were
+                v += weights[k] * lanes[e * blocks + k // LANES, (FORCE + a) * LANES + k % LANES]
+            work.mismatch[e, a] = r[e + 1, a] - r[e, a] - h[e] * v
     cell = 1.0 / (elements - 1)
     for k in range(1, elements):
         for a in range(3):
@@ -195,13 +197,13 @@ def residuals(state, model, step, work):
             back = step.q[i, 0], -step.q[i, 1], -step.q[i, 2], -step.q[i, 3]
             theta = quaternion.turn(quaternion.product(back, q[i]))
             for a in range(3):
-                work.g[i, a] += TURNING * step.drag * cell * theta[a]
+                g[i, a] += TURNING * step.drag * cell * theta[a]
     press(state, step, work)
 
 
 @njit(**OPTIONS)
 def press(state, step, work):
-    """The contacts' part of `residuals`, with the same arguments."""
+    """The contacts' part of `residuals`; `state`, `step`, `work` as there."""
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
     n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
@@ -215,7 +217,7 @@ def press(state, step, work):
                 continue
             tangent_frame(n, step.turned[k, o], d)
             slid(r[k], step.carried[k, o], d, u)
-            mu, scales = obstacles[o, FRICTION], (step.normal, step.tangential, step.give[k, o])
+            mu, scales = obstacles[o, FRICTION_COEFFICIENT], (step.normal, step.tangential, step.give[k, o])
             work.kinds[k, o], _, _, _ = project(lam[k, o], tau[k, o], step.tau[k, o], phi, u, mu, scales, out)
             for a in range(3):
                 work.contact[k, o, a] = out[a]

@@ -16,12 +16,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from cable_ros.contact.nodal_kernels import residuals
-from cable_ros.contact.nodal_state import Band, Model, Rows, State, Step, Tangents, Work
+from cable_ros.contact.nodal_state import Band, Model, Rows, State, Step, Work
 from cable_ros.contact.nodal_tangent import jacobian, press_tangent
 from cable_ros.contact.response import cross_matrix
 from cable_ros.contact.response_kernels import columns
 from cable_ros.linalg.band_lu import band_factor, band_solve
 from cable_ros.rod import quaternion
+from cable_ros.rod.rod_state import Tangents
 
 SLID = 1e8
 """Lengths over which what slips counts as having slipped: no small motion turns its direction."""
@@ -81,7 +82,7 @@ def wrench_response(
 
     B = np.zeros((motions, total))
     inner = rows.r[1:-1]
-    B[:, inner[:, None] + np.arange(3)] = load.T[:, None] / (len(model.h) - 1)
+    B[:, inner[:, None] + np.arange(3)] = load.T[:, None] / (len(model.grid.h) - 1)
     B[:, rows.r[-1] : rows.r[-1] + 3] = end_shift.T
     B[:, rows.psi[-1] : rows.psi[-1] + 3] = end_turn.T
     # an obstacle's motion is the cable's, the other way, but that the force turns with the obstacle
@@ -114,7 +115,7 @@ def wrench_response(
     # components along axes that turn with the clamp; the gradient's half turn is the chart's
     out[6:9] = turn.T @ dF[1] + cross_matrix(turn.T @ state.F[-1]) @ end_turn
     out[9:12] = columns(*hessian, n - 3, 3).T @ psi - tangents.parts[-1, :, -3:].T @ dF[1]
-    out[9:12] += 0.5 * cross_matrix(work.g[-1]) @ end_turn
+    out[9:12] += 0.5 * cross_matrix(work.evaluation.g[-1]) @ end_turn
     for i, which in enumerate(moving):
         on, first = o == which, 12 + 6 * i
         force, moment = P[on].sum(axis=0), np.cross(r[on], P[on]).sum(axis=0)

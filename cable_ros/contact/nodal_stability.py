@@ -14,8 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.contact.nodal_state import Rows, Tangents
+from cable_ros.contact.nodal_state import Rows
 from cable_ros.linalg import banded
+from cable_ros.rod.rod_state import Tangents
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -25,7 +26,7 @@ ITERATIONS = 60
 CHANGE = 1e-3
 """Relative change of the margin in one iteration that ends the search."""
 UNSTABLE = -1.0
-"""Stands for the margin of what is not stable."""
+"""Margin of an unstable equilibrium."""
 
 
 def softest(
@@ -42,17 +43,17 @@ def softest(
         start: (3n,) rotations to start the search from, zero at the clamps.
         iterations: maximum number; with fewer the eigenvalue is too large, its sign is right with 1.
     """
-    places = np.searchsorted(rows.r, at[:, 0])
+    boundaries = np.searchsorted(rows.r, at[:, 0])
     K = condensed(contacts) if len(at) else np.zeros((0, 3, 3))
     elastic, geometric, parts, _ = tangents
-    return float(_softest(elastic, geometric, parts, places, K, start, iterations))
+    return float(_softest(elastic, geometric, parts, boundaries, K, start, iterations))
 
 
 def condensed(contacts: np.ndarray) -> np.ndarray:
     """(c, 3, 3) symmetric stiffness of each contact by its position, its forces eliminated.
 
     That friction of what slips follows the normal force is left out: it makes the tangent unsymmetric, and
-    changes nothing in where the cable can go.
+    does not change where the cable can move.
     """
     turn, out = contacts[:, :3, :3], contacts[:, :3, 3:]
     by_place, by_force = contacts[:, 3:, :3].copy(), contacts[:, 3:, 3:].copy()
@@ -65,8 +66,14 @@ def condensed(contacts: np.ndarray) -> np.ndarray:
 
 
 @njit(**OPTIONS)
-def _softest(elastic, geometric, parts, places, K, start, iterations):
-    """See `softest`; contacts of the stiffness K (c, 3, 3) at the boundaries `places` (c,)."""
+def _softest(elastic, geometric, parts, boundaries, K, start, iterations):
+    """See `softest`.
+
+    Args:
+        elastic, geometric, parts: of `Tangents`.
+        boundaries, K: boundaries (c,) at which contacts are, and their stiffness (c, 3, 3).
+        start, iterations: as in `softest`.
+    """
     m, nd = parts.shape[0], parts.shape[2]
     order = nd // 3 - 1
     block = 3 * (order + 1)
@@ -103,8 +110,8 @@ def _softest(elastic, geometric, parts, places, K, start, iterations):
                 for j in range(nd + 2):
                     if 0 <= numbers[j] <= numbers[i]:
                         a[numbers[i], width + numbers[j] - numbers[i]] += PENALTY * values[i] * values[j]
-    for k in range(places.shape[0]):
-        first = block * places[k] - 6
+    for k in range(boundaries.shape[0]):
+        first = block * boundaries[k] - 6
         for i in range(3):
             for j in range(i + 1):
                 a[first + i, width + j - i] += K[k, i, j]
@@ -150,7 +157,7 @@ def _factor(a, width):
 
 @njit(**LEAF)
 def _solve(a, width, x):
-    """Solve in place, x (n,), with the factor of `_factor`."""
+    """Solve in place, x (n,), with the factor a (n, width + 1) of `_factor`."""
     n = a.shape[0]
     for i in range(n):
         v = x[i]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.rod.energy_kernels import workspace
+from cable_ros.rod.rod_state import Evaluation, Grid, Section
 
 ORDER = 2
 """Order of the elements: the grid of contacts limits the accuracy, not the rod."""
@@ -24,7 +24,7 @@ class State(NamedTuple):
     r: np.ndarray
     """(m + 1, 3) positions of the elements' boundaries, L."""
     F: np.ndarray
-    """(m, 3) internal force in each element, what is beyond exerts on what is before, EI / L^2."""
+    """(m, 3) internal force in each element, which the part after it exerts on the part before, EI / L^2."""
     lam: np.ndarray
     """(m + 1, o) normal forces, positive where the obstacle pushes, EI / L^2."""
     tau: np.ndarray
@@ -40,7 +40,7 @@ class State(NamedTuple):
         )  # fmt: skip
 
     def copy(self) -> State:
-        """A state of its own."""
+        """A copy."""
         return State(*(part.copy() for part in self))
 
     def take(self, other: State) -> None:
@@ -54,16 +54,8 @@ class Model(NamedTuple):
 
     f: np.ndarray
     """(3,) zero: the load acts at the boundaries, see `Step.f`."""
-    K: np.ndarray
-    """(3,) stiffness about the section's axes, EI."""
-    natural: np.ndarray
-    """(3,) curvature and twist of the unloaded cable, 1 / L."""
-    h: np.ndarray
-    """(m,) lengths of the elements, L."""
-    s0: np.ndarray
-    """(m,) arc lengths at which they start, L."""
-    tables: tuple[np.ndarray, ...]
-    """Shape functions and quadrature, see `ReferenceElement.tables`."""
+    section: Section
+    grid: Grid
 
 
 class Step(NamedTuple):
@@ -100,17 +92,9 @@ class Step(NamedTuple):
 class Work(NamedTuple):
     """What `residuals` computes, and its workspace; changes with every call."""
 
-    g: np.ndarray
-    """(n, 3) residual moments, EI / L; at the first and last node the moments of the clamps on the cable."""
-    radial: np.ndarray
-    """(n,) see `rod.energy_kernels.gradient`."""
-    acc: np.ndarray
-    """(n, 4) gradient by the nodal quaternions."""
-    lanes: np.ndarray
-    """See `rod.energy_kernels.workspace`."""
-    totals: np.ndarray
-    """(5,) sum of the tangents at 0 to 2, elastic energy, EI / L, at 3, total twist, rad, at 4."""
-    way: np.ndarray
+    evaluation: Evaluation
+    """`g` holds the residual moments, at the first and last node those of the clamps on the cable."""
+    mismatch: np.ndarray
     """(m, 3) residuals of the positions, L."""
     balance: np.ndarray
     """(m + 1, 3) residuals of the forces, EI / L^2; the first and the last are not used."""
@@ -120,19 +104,6 @@ class Work(NamedTuple):
     """(m + 1, o) whether the contact's forces are unknowns."""
     contact: np.ndarray
     """(m + 1, o, 3) residuals of normal force and friction, EI / L^2."""
-
-
-class Tangents(NamedTuple):
-    """Parts of the rod's tangent, see `rod.energy_kernels.hessian`."""
-
-    elastic: np.ndarray
-    """(3n, b) second derivative of the elastic energy by the nodal rotations, lower band."""
-    geometric: np.ndarray
-    """(3n, b) that of the forces' potential."""
-    parts: np.ndarray
-    """(m, 3, b) derivative of each element's integral of the tangent by its own nodes' rotations, L."""
-    C: np.ndarray
-    """(3, 3n) the same of the end position, the sum of all elements'."""
 
 
 class Rows(NamedTuple):
@@ -159,14 +130,9 @@ class Band(NamedTuple):
     """(size,) the row swaps."""
 
 
-def spaces(h: np.ndarray, tables: tuple[np.ndarray, ...], obstacles: int) -> tuple[Rows, Band]:
-    """Space for the numbering and the linear system of a rod.
-
-    Args:
-        h, tables: see `Model`.
-        obstacles: their number.
-    """
-    m = len(h)
+def spaces(elements: int, obstacles: int) -> tuple[Rows, Band]:
+    """Space for the numbering and the linear system of a rod with this number of elements and obstacles."""
+    m = elements
     rows = Rows(
         np.zeros(m + 1, np.int64), np.zeros(m * ORDER + 1, np.int64), np.zeros(m, np.int64),
         np.zeros((m, obstacles), np.int64),
@@ -176,20 +142,10 @@ def spaces(h: np.ndarray, tables: tuple[np.ndarray, ...], obstacles: int) -> tup
     return rows, Band(np.zeros((size, 3 * (block + 5) + 1)), np.zeros(size), np.zeros(size, np.int64))
 
 
-def workplace(
-    g: np.ndarray, radial: np.ndarray, acc: np.ndarray, totals: np.ndarray, h: np.ndarray,
-    tables: tuple[np.ndarray, ...], obstacles: int,
-) -> Work:  # fmt: skip
-    """`Work` that leaves gradient and totals in the rod's own arrays.
-
-    Args:
-        g, radial, acc, totals: the rod's, see `Work`.
-        h, tables: see `Model`.
-        obstacles: their number.
-    """
-    m = len(h)
+def workplace(evaluation: Evaluation, elements: int, obstacles: int) -> Work:
+    """`Work` that leaves gradient and totals in the rod's own `evaluation`."""
+    m = elements
     return Work(
-        g, radial, acc, workspace(h, tables), totals, np.zeros((m, 3)), np.zeros((m + 1, 3)),
-        np.zeros((m + 1, obstacles), np.int64), np.zeros((m + 1, obstacles), np.bool_),
-        np.zeros((m + 1, obstacles, 3)),
+        evaluation, np.zeros((m, 3)), np.zeros((m + 1, 3)), np.zeros((m + 1, obstacles), np.int64),
+        np.zeros((m + 1, obstacles), np.bool_), np.zeros((m + 1, obstacles, 3)),
     )  # fmt: skip

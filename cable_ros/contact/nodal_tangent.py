@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.distance import gap
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.nodal_kernels import (
-    FRICTION,
     OPEN,
     STICK,
     TURNING,
@@ -79,16 +78,13 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
         a, b: of `Band`; receive the matrix and minus the residuals.
     """
     q, r, F = state.q, state.r, state.F
-    elastic, geometric, parts, C = tangents
+    elastic, geometric, parts, _ = tangents
     rows_r, rows_psi, rows_F, _ = rows
     elements = F.shape[0]
     order = (q.shape[0] - 1) // elements
     nd = 3 * (order + 1)
     cell = 1.0 / (elements - 1)
-    hessian(
-        q, F, model.f, model.K, model.natural, model.h, model.s0, model.tables, work.radial, elastic,
-        geometric, parts, C,
-    )  # fmt: skip
+    hessian(q, F, model.f, model.section, model.grid, work.evaluation.radial, tangents)
     total, low = number(work.near, order, rows)
     for i in range(total):
         for j in range(3 * low + 1):
@@ -98,7 +94,7 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
     for i in range(1, last):
         for c in range(3):
             row = rows_psi[i] + c
-            b[row] = -work.g[i, c]
+            b[row] = -work.evaluation.g[i, c]
             a[row, low] += TURNING * step.drag * cell
             k = 3 * i + c
             for m in range(band + 1):
@@ -124,7 +120,7 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
     for e in range(elements):
         for c in range(3):
             row = rows_F[e] + c
-            b[row] = -work.way[e, c]
+            b[row] = -work.mismatch[e, c]
             if e > 0:
                 k = rows_r[e] + c
                 a[row, low + k - row] -= 1.0
@@ -160,9 +156,14 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
 
 @njit(**OPTIONS)
 def press_tangent(state, step, rows, a, b, low):
-    """The contacts' part of `jacobian`; `low`: the bandwidth."""
+    """The contacts' part of `jacobian`.
+
+    Args:
+        state, step, rows, a, b: as in `jacobian`.
+        low: the bandwidth.
+    """
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles
-    rho, grip = step.normal, step.tangential
+    rho, rho_t = step.normal, step.tangential
     n, d, u, out = np.empty(3), np.empty((2, 3)), np.empty(2), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
     B, D, N = np.empty((3, 3)), np.empty((2, 3)), np.empty(2)
@@ -178,9 +179,9 @@ def press_tangent(state, step, rows, a, b, low):
             away = 0.0
             for c in range(3):
                 away += n[c] * (r[k, c] - step.carried[k, o, c])
-            mu, give = obstacles[o, FRICTION], step.give[k, o]
+            mu, give = obstacles[o, FRICTION_COEFFICIENT], step.give[k, o]
             kind, t0, t1, radius = project(
-                lam[k, o], tau[k, o], step.tau[k, o], phi, u, mu, (rho, grip, give), out
+                lam[k, o], tau[k, o], step.tau[k, o], phi, u, mu, (rho, rho_t, give), out
             )
             # B: second derivative of the gap; the directions across turn as the normal does
             for i in range(3):
@@ -215,9 +216,9 @@ def press_tangent(state, step, rows, a, b, low):
                 a[row, low + at + j - row] = rho * n[j]
             if kind == STICK:
                 for i in range(2):
-                    a[row + 1 + i, low] = grip * give
+                    a[row + 1 + i, low] = rho_t * give
                     for j in range(3):
-                        a[row + 1 + i, low + at + j - row - 1 - i] = grip * D[i, j]
+                        a[row + 1 + i, low + at + j - row - 1 - i] = rho_t * D[i, j]
                 continue
             size = np.sqrt(t0 * t0 + t1 * t1)
             if size == 0.0:
@@ -226,9 +227,9 @@ def press_tangent(state, step, rows, a, b, low):
             N[0], N[1] = t0 / size, t1 / size
             ratio = radius / size
             # as Hueber, Stadler and Wohlmuth (2008) have it: the old friction, cut to the cone, stands in for
-            # one of the two directions, and is turned down where it points the other way
-            held = np.sqrt(tau[k, o, 0] ** 2 + tau[k, o, 1] ** 2)
-            cut = 1.0 / max(radius, held, 1e-300)
+            # one of the two directions, and counts for less if it points the other way
+            size_then = np.sqrt(tau[k, o, 0] ** 2 + tau[k, o, 1] ** 2)
+            cut = 1.0 / max(radius, size_then, 1e-300)
             cosine = (tau[k, o, 0] * N[0] + tau[k, o, 1] * N[1]) * cut
             beta = 1.0 / (1.0 - cosine) if cosine < 0.0 else 1.0
             for i in range(2):
@@ -240,6 +241,6 @@ def press_tangent(state, step, rows, a, b, low):
                     a[m, low + at + j - m] += mu * N[i] * rho * n[j]
                 for p in range(2):
                     w = ratio * ((1.0 if i == p else 0.0) - beta * cut * tau[k, o, i] * N[p])
-                    a[m, low + row + 1 + p - m] -= w * (1.0 - grip * give)
+                    a[m, low + row + 1 + p - m] -= w * (1.0 - rho_t * give)
                     for j in range(3):
-                        a[m, low + at + j - m] += w * grip * D[p, j]
+                        a[m, low + at + j - m] += w * rho_t * D[p, j]

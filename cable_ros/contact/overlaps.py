@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a cable meets itself or another: contact between cables is not modelled, but told."""
+"""Where a cable meets itself or another: contact between cables is not modelled, but reported."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from cable_ros.scene import Cable
 
 NOT_MODELLED = "Contact of the cable with itself is not modelled"
 SPACING = np.pi
-"""Parts of the cable nearer than so many diameters along it are neighbours, not a contact."""
+"""Distance along the cable, in diameters, within which parts are neighbours, not a contact."""
 OUTLINE = 101
-"""Points of a polyline that tell how near cables come."""
+"""Number of points of the polyline with which distances of cables are computed."""
 LONGEST = 1.1
-"""A cable may be stretched to this many lengths."""
+"""Maximum length of a stretched cable over its own."""
 
 
 def closest_approach(points: np.ndarray, length: float, spacing: float) -> float:
@@ -46,7 +46,10 @@ def closest_between(
 
 @njit(cache=True)
 def _closest(a, b, step_a, step_b, skip, needed):  # type: ignore[no-untyped-def]
-    """Smallest distance of segments; with `skip` >= 0 of those of one polyline, so many points apart.
+    """Smallest distance of the segments of two polylines, or of two parts of one; see `closest_between`.
+
+    `a`, `b`, `step_a`, `step_b`, `needed`: as there; `skip`: how many points the parts of one polyline are
+    apart at least, negative for two polylines.
 
     First of points, then of the segments about pairs of points that are little farther apart: the nearest
     points of two segments are within half of each of some of their ends. Points as far apart as d leave out
@@ -97,7 +100,7 @@ def _between(a, m, b, n):  # type: ignore[no-untyped-def]
 
 @njit(**LEAF)
 def _apart(poses, i, k):  # type: ignore[no-untyped-def]
-    """Distance of the middles between the clamps of cables i and k."""
+    """Distance of the middles between the clamps of cables i and k, with `poses` (cables, 2, 7)."""
     d = 0.0
     for a in range(3):
         d += (0.5 * (poses[i, 0, a] + poses[i, 1, a] - poses[k, 0, a] - poses[k, 1, a])) ** 2
@@ -105,7 +108,7 @@ def _apart(poses, i, k):  # type: ignore[no-untyped-def]
 
 
 def warning(apart: float, diameter: float) -> str:
-    """A sentence where the parts of a cable are only `apart`, m."""
+    """A warning that parts of a cable are only `apart`, m."""
     return (
         f"{NOT_MODELLED} and matters here: two parts of it are "
         f"{apart * 1e3:.3g} mm apart, less than the diameter of {diameter * 1e3:.3g} mm."

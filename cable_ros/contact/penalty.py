@@ -1,27 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rod among obstacles that give way: what a descent from any shape is made with."""
+"""Penalty method: a rod among obstacles that are springs, for a descent from any shape."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.contact_entry_points import lowest
 from cable_ros.contact.detection import press
 from cable_ros.contact.friction_kernels import FRICTIONLESS
-from cable_ros.contact.interfaces import lowest
 from cable_ros.contact.patches import grounded
-from cable_ros.contact.points import COLUMNS, FIRST, FORCE, KIND, LAST, LENGTH, OBSTACLE, PLACE, SAMPLE, TIE
-from cable_ros.rod.centreline import curve
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    COLUMNS,
+    FIRST,
+    FORCE,
+    INTERFACE,
+    KIND,
+    LAST,
+    LENGTH,
+    OBSTACLE,
+    SAMPLE,
+)
+from cable_ros.rod.rod_state import ENERGY
 
 LONGEST_POINT = 3
-"""So many samples inside an obstacle side by side are taken for a point, more for a stretch."""
+"""Maximum number of neighbouring samples inside an obstacle that become a point; more become a patch."""
 
 
-class Softened:
+class PenaltyProblem:
     """A `solve.trust_region.Problem`: the samples that are inside an obstacle are pushed out by springs.
 
     Args:
-        rod: the rod, whose contact points it uses up.
+        rod: the rod, whose contact points it overwrites.
         stiffness: of the springs per length, EI / L^4.
     """
 
@@ -34,7 +45,7 @@ class Softened:
     def _press(self, x: np.ndarray) -> float:
         """Set the rod's contact points to the samples inside at x; returns the springs' energy."""
         rod = self.rod
-        curve(x, rod.h, rod.tables[0], rod.primitives, rod.c)
+        rod.trace(x)
         rod.count = press(rod.c, rod.h, rod.s0, rod.samples, rod.obstacles, rod.points, self.phi,
                           self.stiffness)  # fmt: skip
         springs = rod.points[: rod.count]
@@ -47,12 +58,12 @@ class Softened:
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         rod = self.rod
         penalty = self._press(x)
-        rod.rows = rod.system(x, y, FRICTIONLESS)
+        rod.rows = rod.assemble(x, y, FRICTIONLESS)
         rod.delta[3 : 3 + rod.count] = 1.0 / (self.stiffness * rod.points[: rod.count, LENGTH])
         g = rod.g.ravel().copy()
         g[:3] = g[-3:] = 0.0
         rod._normal = None
-        return float(rod.totals[3]) + penalty, rod.totals[:3] - rod.re, g
+        return float(rod.totals[ENERGY]) + penalty, rod.totals[:ENERGY] - rod.re, g
 
     def factor(self, mu: float) -> bool:
         return self.rod.border_factor(mu, 3)
@@ -66,48 +77,55 @@ class Softened:
         V = rod.V[3 : rod.rows]
         return rod.apply_hessian(s) + (V @ s / rod.delta[3 : rod.rows]) @ V
 
-    def harden(self, x: np.ndarray) -> None:
-        """Make of what is inside at x contact points and patches, which bear the same forces."""
+    def to_contacts(self, x: np.ndarray) -> None:
+        """Replace the springs at x by contact points and patches with the same forces."""
         rod = self.rod
         self._press(x)
         points = rod.points[: rod.count]
-        give_contacts(rod, x, points[:, OBSTACLE].copy(), points[:, PLACE].copy(), points[:, FORCE].copy())
+        give_contacts(
+            rod, x, points[:, OBSTACLE].copy(), points[:, ARC_LENGTH].copy(), points[:, FORCE].copy()
+        )
 
 
 def give_contacts(
-    rod: ActiveSetRod, q: np.ndarray, obstacles: np.ndarray, places: np.ndarray, forces: np.ndarray,
+    rod: ActiveSetRod, q: np.ndarray, obstacles: np.ndarray, arc_lengths: np.ndarray, forces: np.ndarray,
     spacing: float | None = None,
 ) -> None:  # fmt: skip
-    """Give the rod of shape q (n, 4) contact points and patches for forces that press it side by side.
+    """Give the rod of shape q (n, 4) contact points and patches for forces at neighbouring samples.
 
     Args:
-        obstacles, places, forces: (k,) which obstacle each is of, its arc length, its size.
-        spacing: of the places; None: the rod's samples. `rod.c` is the curve of q.
+        obstacles, arc_lengths, forces: (k,) which obstacle each is of, its arc length, its size.
+        spacing: of the arc_lengths; None: the rod's samples. `rod.c` is the curve of q.
     """
     spacing = rod.spacing if spacing is None else spacing
     new: list[np.ndarray] = []
     for o in np.unique(obstacles):
         which = np.flatnonzero(obstacles == o)
-        which = which[np.argsort(places[which])]
-        for run in np.split(which, np.flatnonzero(np.diff(places[which]) > 1.5 * spacing) + 1):
-            new += _contacts(rod, q, int(o), places[run], forces[run], spacing)
+        which = which[np.argsort(arc_lengths[which])]
+        for run in np.split(which, np.flatnonzero(np.diff(arc_lengths[which]) > 1.5 * spacing) + 1):
+            new += _contacts(rod, q, int(o), arc_lengths[run], forces[run], spacing)
     rod.count = min(len(new), len(rod.points))
     if new:
         rod.points[: rod.count] = new[: rod.count]
 
 
 def _contacts(
-    rod: ActiveSetRod, q: np.ndarray, obstacle: int, places: np.ndarray, forces: np.ndarray, spacing: float
+    rod: ActiveSetRod,
+    q: np.ndarray,
+    obstacle: int,
+    arc_lengths: np.ndarray,
+    forces: np.ndarray,
+    spacing: float,
 ) -> list[np.ndarray]:
-    """Rows (COLUMNS,) of contact points for forces at `places` (k,), rising, `spacing` apart."""
-    low, high, total = places[0], places[-1], forces.sum()
+    """Rows (COLUMNS,) of contact points for forces at `arc_lengths` (k,), rising, `spacing` apart."""
+    low, high, total = arc_lengths[0], arc_lengths[-1], forces.sum()
     assert rod.obstacles is not None
     ob = rod.obstacles[obstacle]
     template = np.zeros(COLUMNS)
-    template[OBSTACLE], template[TIE] = obstacle, -1.0
+    template[OBSTACLE], template[INTERFACE] = obstacle, -1.0
     if high - low < (LONGEST_POINT - 0.5) * spacing:
-        deepest = places[np.argmax(forces)]
-        template[PLACE] = lowest(q, rod.h, rod.s0, rod.mesh.element.nodes, rod.c, deepest, 0.5 * spacing, ob)
+        deepest = arc_lengths[np.argmax(forces)]
+        template[ARC_LENGTH] = lowest(rod.shape(q), deepest, 0.5 * spacing, ob)
         template[FORCE] = total
         return [template]
     out = []
@@ -119,10 +137,10 @@ def _contacts(
         out.append((high, LAST, forces[-1]))
     else:
         high = 1.0
-    # samples of the elements take their place once there is a mesh
+    # samples of the elements replace them once there is a mesh
     inner = rod.samples[(rod.samples > low) & (rod.samples < high)]
     out += [(s, SAMPLE, total / len(inner)) for s in inner]
     rows = np.tile(template, (len(out), 1))
-    rows[:, [PLACE, KIND, FORCE]] = out
+    rows[:, [ARC_LENGTH, KIND, FORCE]] = out
     rows[rows[:, KIND] == SAMPLE, LENGTH] = rod.spacing
     return list(rows)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stable equilibria of a cable that touches, from a descent with soft obstacles that are then made hard."""
+"""Penalty continuation: stable equilibria of a cable that touches, by descents with stiffer and stiffer
+obstacles.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +10,28 @@ from dataclasses import replace
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
-from cable_ros.contact.edge_rounding import blunted, sharpen
+from cable_ros.contact.distance import POSE
+from cable_ros.contact.edge_rounding import remove_rounding, rounded
 from cable_ros.contact.friction_kernels import COULOMB
-from cable_ros.contact.penalty import Softened
-from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE, TIE
+from cable_ros.contact.penalty import PenaltyProblem
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, INTERFACE, OBSTACLE
 from cable_ros.rod import warm_step
 from cable_ros.solve.trust_region import Options, minimize
 
 SPRINGS = (3e4, 3e6, 3e8, 1e10)
-"""Stiffness of the soft obstacles, EI / L^4, in turn: the first shows the way, the last who touches."""
+"""Stiffness of the obstacles, EI / L^4, in turn: the first leads past them, the last shows what touches."""
 DENSITIES = (1, 1, 2, 3)
-"""With each of them contact is looked for at so many times as many places, where the cable may be taut."""
+"""Number of samples with each of them, over that which the tolerance asks for, if the cable may be taut."""
 NEAR = 2
-"""The first of them from a shape that touches as it should: softer ones could let it through."""
+"""The first of them from a shape whose contacts are right: softer obstacles could let it through."""
 SUNK = (np.inf, 0.03, 3e-3)
-"""Deeper than this after the first, second, and later descents, parts of the length, none comes out again."""
+"""Maximum depth after the first, second, and later descents, L: a cable that is deeper stays inside."""
 DESCENT = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
-"""For a descent that must not leave its valley."""
+"""For a descent that must not leave its basin."""
 SOFT = 2
-"""An iteration among soft obstacles is so many others' work: each tries several radii."""
+"""Work of an iteration among soft obstacles over that of another: each tries several radii."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -43,11 +46,11 @@ def descend(
     """
     assert rod.obstacles is not None
     sharp, kept, mesh = rod.obstacles, rod.state(), rod.mesh
-    rod.obstacles = blunted(sharp)
+    rod.obstacles = rounded(sharp)
     found = _descend(rod, q, F, options, first, taut)
     if found is not None and rod.obstacles is not sharp:
         total = found[2]
-        found = sharpen(rod, found[0], found[1], sharp, options.step_tolerance)
+        found = remove_rounding(rod, found[0], found[1], sharp, options.step_tolerance)
         found = None if found is None else (found[0], found[1], total + found[2])
     rod.obstacles = sharp
     if found is None:
@@ -66,7 +69,7 @@ def _descend(
         rod.count = 0
         if taut:
             rod.densify(DENSITIES[stage])
-        soft = Softened(rod, stiffness)
+        soft = PenaltyProblem(rod, stiffness)
         most = max(1, int(min(options.iterations, rod.work / (SOFT * rod.elastic.shape[0]))))
         result = minimize(soft, q, F, replace(options, iterations=most))
         total += result.iterations
@@ -78,36 +81,34 @@ def _descend(
         if stage == (first if taut else 0) and _known(rod, q, result.objective):
             break
         if stage > 0 and soft.phi[:, 1:-1].min(initial=0.0) < -SUNK[min(stage, len(SUNK) - 1)]:
-            break  # it has been through the obstacle's middle: the springs only hold it inside
-        soft.harden(q)
+            break  # it has passed the obstacle's middle: the springs keep it inside
+        soft.to_contacts(q)
         _inherit(rod, before)
         if not rod.count and rod.clear(q):
             return (q, F, total) if rod.refactor(q, F) else None
         if taut:
             q = rod.resolve(q, F)
         q = rod.fit_patches(q)
-        code, iterations, q_new, F_new = rod.touch(
-            q, F, rod.qe, rod.re, rod.f, options.step_tolerance, 1.0, rod.obstacles
-        )
+        code, iterations, q_new, F_new = rod.correct(q, F, options.step_tolerance)
         if code == warm_step.ADVANCED:
             return q_new, F_new, total + iterations
     return None
 
 
-def give_way(
+def descend_instead(
     rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
     limit: float, obstacles: np.ndarray, failed: tuple[int, int, np.ndarray, np.ndarray],
 ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-    """A step with so many changes of contact that Newton fails: descend with soft obstacles instead.
+    """A descent with soft obstacles, for a step whose contacts change so much that Newton's method fails.
 
-    Taken only where it ends near the shape before, as a branch that goes on does; else returns `failed`.
+    Taken only if it ends near the shape before, as a continued branch does; else returns `failed`.
     """
     assert rod.obstacles is not None
-    way = float(np.abs(re - rod.re).max() + np.abs(obstacles[:, 1:13] - rod.obstacles[:, 1:13]).max())
+    motion = float(np.abs(re - rod.re).max() + np.abs(obstacles[:, POSE] - rod.obstacles[:, POSE]).max())
     end = qe if q[-1] @ qe > 0.0 else -qe
-    way += 2.0 * float(np.abs(q[-1] - end).max())
+    motion += 2.0 * float(np.abs(q[-1] - end).max())
     if rod.model == COULOMB:
-        return failed  # a descent knows nothing of the way that this friction has come
+        return failed  # a descent knows nothing of the history of this friction
     if rod.patience <= 0 or rod.work <= 0.0:
         return failed
     rod.patience -= 1
@@ -120,8 +121,8 @@ def give_way(
     if found is not None:
         after = rod.mesh.interpolate(found[0], GRID)
         moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))
-        if moved < min(limit, 0.02 + 20.0 * way):
-            rod.drift = 0.0
+        if moved < min(limit, 0.02 + 20.0 * motion):
+            rod.rotation = 0.0
             return warm_step.ADVANCED, failed[1] + found[2], found[0], found[1]
     rod.restore(kept, mesh)
     rod.set_conditions(*before)
@@ -129,16 +130,16 @@ def give_way(
 
 
 def _inherit(rod: ActiveSetRod, before: np.ndarray) -> None:
-    """Let every contact point rub as much, for its force, as the nearest of those `before` did."""
+    """Give every contact point the ratio of friction to force of the nearest of those `before`."""
     for point in rod.points[: rod.count]:
         same = before[(before[:, OBSTACLE] == point[OBSTACLE]) & (before[:, FORCE] > 0.0)]
         if len(same):
-            nearest = same[np.argmin(np.abs(same[:, PLACE] - point[PLACE]))]
-            point[FRICTION:TIE] = nearest[FRICTION:TIE] * point[FORCE] / nearest[FORCE]
+            nearest = same[np.argmin(np.abs(same[:, ARC_LENGTH] - point[ARC_LENGTH]))]
+            point[FRICTION:INTERFACE] = nearest[FRICTION:INTERFACE] * point[FORCE] / nearest[FORCE]
 
 
 def _known(rod: ActiveSetRod, q: np.ndarray, energy: float) -> bool:
-    """Whether the search has already come by this state of the soft obstacles."""
+    """Whether the search has found this state of the soft obstacles before."""
     if rod.seen is None:
         return False
     # mirror images have the same energy

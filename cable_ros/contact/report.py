@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a cable touches, as `Equilibrium.contacts` tells it: in the world, in SI units."""
+"""Where a cable touches, for `Equilibrium.contacts`: in the world, in SI units."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.points import FORCE, FRICTION, HELD, LENGTH, OBSTACLE, PLACE, SLIPS
+from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, FRICTION, LENGTH, OBSTACLE, SLIPS
 from cable_ros.equilibrium import ContactTable
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import position
 from cable_ros.rod.units import Units
 
 AT_LIMIT = 1e-4
-"""Friction that is so little below its limit, relatively, slid: solved again on another mesh, which is no
-motion, it sticks there."""
+"""Relative distance of friction from its limit at which it counts as sliding: solved again on another mesh,
+which is no motion, it sticks there."""
 
 
 def contact_table(
@@ -34,17 +34,17 @@ def contact_table(
         start: (7,) the start clamp in the world, m, quaternion x y z w.
         units: of the cable.
     """
-    order = np.argsort(points[:, PLACE], kind="stable")
+    order = np.argsort(points[:, ARC_LENGTH], kind="stable")
     points, normals = points[order], normals[order]
     turn = quaternion.matrix_from_ros(start[3:]).T
-    which, friction = points[:, OBSTACLE].astype(int), points[:, FRICTION:HELD]
+    which, friction = points[:, OBSTACLE].astype(int), points[:, FRICTION:BEFORE]
     cone, size = coefficients[which] * points[:, FORCE], np.linalg.norm(friction, axis=1)
-    places = np.ascontiguousarray(points[:, PLACE])
+    arc_lengths = np.ascontiguousarray(points[:, ARC_LENGTH])
     return ContactTable(
         names=tuple(names),
         obstacle=which,
-        arc_length=places * units.length,
-        position=start[:3] + units.length * _positions(*curve, places) @ turn,
+        arc_length=arc_lengths * units.length,
+        position=start[:3] + units.length * _positions(*curve, arc_lengths) @ turn,
         normal=normals @ turn,
         force=units.force * (points[:, FORCE, None] * normals + friction) @ turn,
         length=points[:, LENGTH] * units.length,
@@ -53,11 +53,11 @@ def contact_table(
 
 
 @njit(cache=True)
-def _positions(c: np.ndarray, h: np.ndarray, s0: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Positions (n, 3) at the arc lengths `places` (n,) of a `curve`."""
-    out = np.empty((places.shape[0], 3))
-    for i in range(places.shape[0]):
-        position(c, h, s0, places[i], out[i])
+def _positions(c: np.ndarray, h: np.ndarray, s0: np.ndarray, arc_lengths: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) at the arc lengths `arc_lengths` (n,), with c, h, s0 as in `centreline.position`."""
+    out = np.empty((arc_lengths.shape[0], 3))
+    for i in range(arc_lengths.shape[0]):
+        position(c, h, s0, arc_lengths[i], out[i])
     return out
 
 
@@ -70,12 +70,12 @@ def on_grid(
         touching: see `NodalRod.contacts`.
         names, start, units: as in `contact_table`.
     """
-    places, positions, normals, forces, obstacles, sliding, spread = touching
+    arc_lengths, positions, normals, forces, obstacles, sliding, spread = touching
     turn = quaternion.matrix_from_ros(start[3:]).T
     return ContactTable(
         names=tuple(names),
         obstacle=obstacles,
-        arc_length=places * units.length,
+        arc_length=arc_lengths * units.length,
         position=start[:3] + units.length * positions @ turn,
         normal=normals @ turn,
         force=units.force * forces @ turn,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: whether the elements are short enough for what the contacts hold."""
+"""Compiled: whether the elements are short enough for the contacts."""
 
 from __future__ import annotations
 
@@ -8,23 +8,31 @@ import numpy as np
 from cable_ros.compilation import njit
 from cable_ros.contact.distance import gap
 from cable_ros.contact.patches import NODES, SAMPLES, WEIGHTS, inside
-from cable_ros.contact.points import FRICTION, KIND, LENGTH, OBSTACLE, ROW, SAMPLE
+from cable_ros.contact.points import FRICTION, KIND, LENGTH, NUMBER, OBSTACLE, SAMPLE
 from cable_ros.rod.centreline import position, tangent
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 HIGHEST = np.polynomial.legendre.Legendre.basis(SAMPLES - 1)(2.0 * NODES - 1.0)
-"""The Legendre polynomial of the highest order that an element's samples tell, at them."""
+"""The Legendre polynomial of the highest order that an element's samples resolve, at these samples."""
 
 
 @njit(**OPTIONS)
-def misplaced(q, h, s0, fine, c, obstacles, points, count, out):
-    """How far, parts of the length, each element is off where contacts want it; out (elements,).
+def misplaced(shape, fine, obstacles, points, count, out):
+    """Error of the position of each element in contact, L.
 
-    That is the larger of two: how deep inside an obstacle it is between the samples that press on it, and how
-    far its end is misplaced by the rule that integrates the tangents, told by that of `fine`.
+    That is the larger of two: the depth inside an obstacle between the samples that press on it, and the
+    error of its end by the rule that integrates the tangents, from a comparison with a finer rule.
+
+    Args:
+        shape: nodal frames, coefficients of the centreline, lengths and starts of the elements, see `Shape`.
+        fine: shape functions (g, p + 1) and weights (g,) of the finer rule.
+        obstacles: (o, WIDTH).
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        out: (m,) receives the errors.
     """
-    N, weights = fine[0], fine[5]
+    q, c, h, s0 = shape
+    N, weights = fine
     order = N.shape[1] - 1
     qs, t, missed = np.empty(4), np.empty(3), np.empty(3)
     for e in range(h.shape[0]):
@@ -59,15 +67,18 @@ def misplaced(q, h, s0, fine, c, obstacles, points, count, out):
 
 @njit(**OPTIONS)
 def highest_mode(points, count, out):
-    """The part of each sample's friction, out (count, 3), that is in the highest mode of its element."""
+    """The part of each sample's friction, out (count, 3), that is in the highest mode of its element.
+
+    `points` (CAPACITY, COLUMNS) holds `count` contact points.
+    """
     out[:] = 0.0
     for i in range(count):
         if points[i, KIND] != SAMPLE:
             continue
-        g = int(points[i, ROW])
+        g = int(points[i, NUMBER])
         mode = points[i, LENGTH] * (2 * SAMPLES - 1) * HIGHEST[g % SAMPLES]
         for k in range(count):
-            other = int(points[k, ROW])
+            other = int(points[k, NUMBER])
             near = points[k, OBSTACLE] == points[i, OBSTACLE] and other // SAMPLES == g // SAMPLES
             if near and points[k, KIND] == SAMPLE:
                 share = mode * WEIGHTS[other % SAMPLES] * HIGHEST[other % SAMPLES] / points[k, LENGTH]

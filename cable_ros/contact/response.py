@@ -7,7 +7,7 @@ normal forces, and of what follows them. Each contact has these rows, as its kin
 
 - the gap stays zero; its unknown is the change of the normal force;
 - along a direction in which the surface is curved, the normal turns with the motion over the surface;
-- a point slides along the cable to the gap's minimum, the end of a stretch to where the cable lifts off;
+- a point slides along the cable to the gap's minimum, the end of a patch to where the cable lifts off;
 - what sticks keeps its place on the obstacle: two rows across the normal, with the unknown friction;
 - what slips has friction mu times the normal force, in a direction that is fixed on the obstacle's surface.
 
@@ -20,7 +20,7 @@ Units of the cable, start clamp's frame, which stands still here while the start
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,7 @@ CONDITION = 1e13
 class Contacts(NamedTuple):
     """The m contact points of an equilibrium."""
 
-    places: np.ndarray
+    arc_lengths: np.ndarray
     """(m,) arc lengths."""
     obstacles: np.ndarray
     """(m,) int, which each is on."""
@@ -46,9 +46,9 @@ class Contacts(NamedTuple):
     """(m,) normal forces."""
     friction: np.ndarray
     """(m, 3) forces across the normal."""
-    slides: np.ndarray
+    at_minimum: np.ndarray
     """(m,) bool: its arc length is where the gap has its minimum."""
-    lifts: np.ndarray
+    lifts_off: np.ndarray
     """(m,) bool: its arc length is where the cable lifts off the surface."""
     sticks: np.ndarray
     """(m,) bool: its friction is what keeps it in its place on the obstacle."""
@@ -73,9 +73,8 @@ class Rows:
 
 
 def wrench_response(
-    q: np.ndarray, F: np.ndarray, qe: np.ndarray, start_force: np.ndarray, g: np.ndarray, C: np.ndarray,
-    hessian: tuple[np.ndarray, np.ndarray], parts: np.ndarray, mesh: tuple[np.ndarray, ...],
-    curve: np.ndarray, bodies: np.ndarray, contacts: Contacts, moving: Sequence[int],
+    shape: tuple[Any, ...], clamps: tuple[np.ndarray, ...], tangents: tuple[np.ndarray, ...],
+    bodies: np.ndarray, contacts: Contacts, moving: Sequence[int],
 ) -> np.ndarray:  # fmt: skip
     """Derivative (12 + 6 k, 12 + 6 k) of the wrenches on the cable by motions of clamps and obstacles.
 
@@ -85,29 +84,21 @@ def wrench_response(
     point in the frame's origin and the rotation, along the frame's axes. NaN if the equations are singular.
 
     Args:
-        q, F: equilibrium: nodal frames (n, 4), end force (3,).
-        qe: (4,) end frame.
-        start_force: (3,) internal force at the start clamp.
-        g: (n, 3) gradient at the equilibrium.
-        C: (3, 3n) derivative of the end position by the nodal rotations.
-        hessian: its two parts in band storage, contact forces and friction fixed; see
-        `energy_kernels.hessian`.
-        parts: (elements, 3, 3 (order + 1)) the same of each element.
-        mesh: lengths and starts of the elements, nodes, shape functions and Gauss points of the reference
-            element, primitives.
-        curve: coefficients of the centreline.
+        shape: of `contact_state.Shape`, at an equilibrium.
+        clamps: end frame (4,), end force (3,), internal force at the start clamp (3,), gradient at the
+            equilibrium (n, 3).
+        tangents: of `rod_state.Tangents`, contact forces and friction fixed.
         bodies: (obstacles, WIDTH) as `distance.gap` takes them.
         contacts: the contact points.
         moving: the obstacles that may move.
     """
-    h, s0, nodes, N, gauss, primitives = mesh
-    m, n = len(contacts.places), C.shape[1]
-    order = N.shape[1] - 1
-    way, turn = np.empty((m, 3, n)), np.empty((m, 3, n))
-    displacements(q, h, s0, N, nodes, gauss, primitives, parts, contacts.places, way, turn)
-    r, t, dt, normals, directions, bends = surfaces(
-        q, h, s0, nodes, curve, contacts.places, contacts.obstacles, bodies
-    )
+    qe, F, start_force, g = clamps
+    hessian, C = (tangents[0], tangents[1]), tangents[-1]
+    m, n = len(contacts.arc_lengths), C.shape[1]
+    order = hessian[0].shape[1] // 3 - 1
+    displacement, turn = np.empty((m, 3, n)), np.empty((m, 3, n))
+    displacements(shape, tangents[2], contacts.arc_lengths, displacement, turn)
+    r, t, dt, normals, directions, bends = surfaces(shape, contacts.arc_lengths, contacts.obstacles, bodies)
     pressure, friction = contacts.pressure, contacts.friction
     P = pressure[:, None] * normals + friction
 
@@ -125,26 +116,26 @@ def wrench_response(
         body[on, :, first : first + 3] = np.eye(3)
         body[on, :, first + 3 : first + 6] = _crossed(-r[on])
         spin[on, :, first + 3 : first + 6] = np.eye(3)
-    relative = way[:, :, clamps] @ x_clamps + shift - body  # of the cable's point, over the obstacle
+    relative = displacement[:, :, clamps] @ x_clamps + shift - body  # of the cable's point, over the obstacle
 
     # rows and unknowns
     strong = np.abs(pressure) >= FAINT
     bent = (bends > 0.0) & strong[:, None]
-    tilted = contacts.lifts | (contacts.slides & strong)
+    tilted = contacts.lifts_off | (contacts.at_minimum & strong)
     mobile = contacts.across & strong & friction.any(axis=1)
     size = 3 + m + int(bent.sum() + tilted.sum() + 2 * contacts.sticks.sum() + 3 * mobile.sum())
     rows = Rows(size, n, motions)
     V, W, D, c = rows.V, rows.W, rows.D, rows.c
     share = np.divide(1.0, pressure, out=np.zeros(m), where=strong)  # per force: a faint one moves nothing
     forces = np.zeros((m, 3, size))  # on each contact, by the unknowns
-    slide = np.zeros((m, size))  # arc length of each contact, by the unknowns
+    ds = np.zeros((m, size))  # arc length of each contact, by the unknowns
 
     end = rows.take(3)
     V[end] = W[end] = C
     c[end] = C[:, clamps] @ x_clamps + shift - end_shift
 
     gap = rows.take(m)
-    V[gap] = np.einsum("ia,iaj->ij", normals, way)
+    V[gap] = np.einsum("ia,iaj->ij", normals, displacement)
     c[gap] = np.einsum("ia,iak->ik", normals, relative)
     slips = ~contacts.sticks & friction.any(axis=1)
     forces[np.arange(m), :, gap] = np.where(slips[:, None], normals + share[:, None] * friction, normals)
@@ -153,7 +144,7 @@ def wrench_response(
     for k in range(2):
         i = np.flatnonzero(bent[:, k])
         d, at = directions[i, k], rows.take(len(i))
-        V[at] = np.einsum("ia,iaj->ij", d, way[i])
+        V[at] = np.einsum("ia,iaj->ij", d, displacement[i])
         c[at] = np.einsum("ia,iak->ik", d, relative[i])
         D[at, at] = -share[i] / bends[i, k]
         lean[i, :, at] = share[i, None] * d
@@ -162,7 +153,7 @@ def wrench_response(
     at = rows.take(len(i))
     along = np.einsum("ik,ika,ia->ik", bends[i], directions[i], t[i])
     slope = np.einsum("ik,ika->ia", along, directions[i])
-    V[at] = np.einsum("ia,iaj->ij", slope, way[i]) + np.einsum("ia,iaj->ij", normals[i], turn[i])
+    V[at] = np.einsum("ia,iaj->ij", slope, displacement[i]) + np.einsum("ia,iaj->ij", normals[i], turn[i])
     c[at] = (
         np.einsum("ia,iak->ik", slope, relative[i])
         + np.einsum("ia,iak->ik", normals[i], turn[i][:, :, clamps] @ x_clamps)
@@ -170,9 +161,9 @@ def wrench_response(
     )
     # where the cable lifts off, the gap's curvature is zero
     curvature = np.einsum("ia,ia->i", normals[i], dt[i]) + np.einsum("ia,ia->i", slope, t[i])
-    D[at, at] = np.where(contacts.lifts[i], 0.0, np.maximum(curvature, FAINT) * share[i])
+    D[at, at] = np.where(contacts.lifts_off[i], 0.0, np.maximum(curvature, FAINT) * share[i])
     lean[i, :, at] = share[i, None] * slope
-    slide[i, at] = share[i]
+    ds[i, at] = share[i]
     W[at] = np.einsum("ia,iaj->ij", normals[i] + share[i, None] * friction[i], turn[i])
 
     # the normal turns with all of its force, Coulomb friction so as to stay across it
@@ -184,7 +175,7 @@ def wrench_response(
     basis = _across(normals[i])
     for k in range(2):
         at = rows.take(len(i))
-        V[at] = np.einsum("ia,iaj->ij", basis[:, k], way[i])
+        V[at] = np.einsum("ia,iaj->ij", basis[:, k], displacement[i])
         c[at] = np.einsum("ia,iak->ik", basis[:, k], relative[i])
         D[at, at] = contacts.give
         forces[i, :, at] = basis[:, k]
@@ -192,9 +183,10 @@ def wrench_response(
     explicit = np.cross(spin, P[:, :, None], axisa=1, axisb=1, axisc=1)  # turned with the obstacle
     i = np.flatnonzero(mobile)
     if len(i):
-        _mobilised(rows, i, contacts, normals, t, dt, turn, lean, slide, forces, explicit, spin, x_clamps)
+        motions_of = Motions(normals, t, dt, turn, lean, ds, spin, x_clamps)
+        _mobilised(rows, i, contacts, motions_of, forces, explicit)
 
-    flat = way.reshape(3 * m, n)
+    flat = displacement.reshape(3 * m, n)
     W += forces.reshape(3 * m, size).T @ flat
     b = columns(*hessian, 0, 3) @ x_clamps[:3] + columns(*hessian, n - 3, 3) @ x_clamps[3:]
     b -= flat.T @ explicit.reshape(3 * m, motions)
@@ -210,7 +202,7 @@ def wrench_response(
         moments[first : first + 3] += columns(*hessian, first, 3).T @ x
     x[clamps] = x_clamps
     dP = forces @ y + explicit
-    dr = way @ x + shift + t[:, :, None] * (slide @ y)[:, None, :]
+    dr = displacement @ x + shift + t[:, :, None] * (ds @ y)[:, None, :]
     dF = y[:3]
     back = quaternion.conjugate(qe)
     to_end = np.stack([quaternion.rotate(back, axis) for axis in np.eye(3)], axis=1)
@@ -253,12 +245,43 @@ def _solve(
     return x, both[n - 6 :]
 
 
+class Motions(NamedTuple):
+    """How m contact points and the clamps move; the last axis is that of the motions, of the unknowns in
+    `lean` and `ds`, and of the nodal rotations in `turn`.
+    """
+
+    normals: np.ndarray
+    """(m, 3) of the obstacles."""
+    t: np.ndarray
+    """(m, 3) tangents of the cable."""
+    dt: np.ndarray
+    """(m, 3) curvature vectors."""
+    turn: np.ndarray
+    """(m, 3, 3n) derivative of the tangent."""
+    lean: np.ndarray
+    """(m, 3, size) of the normal over the surface."""
+    ds: np.ndarray
+    """(m, size) of the arc length."""
+    spin: np.ndarray
+    """(m, 3, motions) rotation of the obstacle."""
+    clamps: np.ndarray
+    """(6, motions) rotations of both clamps."""
+
+
 def _mobilised(
-    rows: Rows, i: np.ndarray, contacts: Contacts, normals: np.ndarray, t: np.ndarray, dt: np.ndarray,
-    turn: np.ndarray, lean: np.ndarray, slide: np.ndarray, forces: np.ndarray, explicit: np.ndarray,
-    spin: np.ndarray, x_clamps: np.ndarray,
-) -> None:  # fmt: skip
-    """Rows for the contacts `i` whose friction is across the cable, along t x n, and turns as these do."""
+    rows: Rows, i: np.ndarray, contacts: Contacts, motions: Motions, forces: np.ndarray, explicit: np.ndarray
+) -> None:
+    """Rows for contacts whose friction is across the cable, along t x n, and turns as these do.
+
+    Args:
+        rows: receive them.
+        i: the contacts.
+        contacts: all contact points.
+        motions: of all of them.
+        forces: (m, 3, size) on each contact, by the unknowns; overwritten for these contacts.
+        explicit: (m, 3, motions) by the motions themselves, likewise.
+    """
+    normals, t, dt, turn, lean, ds, spin, x_clamps = motions
     n = turn.shape[2]
     friction, size = contacts.friction[i], np.linalg.norm(contacts.friction[i], axis=1)
     side = np.cross(t[i], normals[i])
@@ -272,7 +295,7 @@ def _mobilised(
     answer_c = answer[:, :, clamps] @ x_clamps
     turned = np.cross(spin[i], normals[i][:, :, None], axis=1)
     answer_c += by_normal @ turned
-    answer_y = by_normal @ lean[i] + (by_tangent @ dt[i][:, :, None]) * slide[i][:, None, :]
+    answer_y = by_normal @ lean[i] + (by_tangent @ dt[i][:, :, None]) * ds[i][:, None, :]
     for a in range(3):
         at = rows.take(len(i))
         rows.V[at], rows.c[at], rows.D[at] = -answer[:, a], -answer_c[:, a], -answer_y[:, a]

@@ -6,71 +6,98 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.assembly import at_place, part
 from cable_ros.contact.distance import gap
 from cable_ros.linalg import banded
-from cable_ros.rod.centreline import direction, find_element, position, shape, tangent
-from cable_ros.rod.energy_kernels import increments, tangent_derivative
+from cable_ros.rod.centreline import (
+    direction,
+    find_element,
+    increments,
+    interpolate_frame,
+    position,
+    tangent,
+    tangent_derivative,
+    weight_up_to,
+)
+from cable_ros.rod.centreline import shape as shape_functions
+from cable_ros.rod.rod_state import grid_of
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**OPTIONS)
-def displacements(q, h, s0, N, nodes, gauss, primitives, parts, places, way, turn):
-    """Derivatives of the position, `way`, and of the tangent, `turn`, at the arc lengths `places` (m,).
+def displacements(shape, parts, arc_lengths, displacement, turn):
+    """Derivatives of position and tangent at given arc lengths by the nodal rotations.
 
-    Both (m, 3, 3n) by the nodal rotations of q (n, 4), at fixed arc length; `parts` as
-    `energy_kernels.hessian` leaves it, `gauss` (p,) the Gauss points.
+    Args:
+        shape: fields of `contact_state.Shape`, as plain tuples.
+        parts: (m, 3, b) of `rod_state.Tangents`.
+        arc_lengths: (k,) arc lengths, L.
+        displacement, turn: (k, 3, 3n) receive the derivatives of position and tangent.
     """
+    q, _, grid = shape
+    h, s0, tables = grid_of(grid)
+    N = tables.values
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     frame, D = np.empty((4, nd)), np.empty((4, nd))
     Nx, dNx = np.empty(order + 1), np.empty(order + 1)
     qs, t = np.empty(4), np.empty(3)
-    way[:] = 0.0
+    displacement[:] = 0.0
     turn[:] = 0.0
-    for i in range(places.shape[0]):
-        e, x = find_element(places[i], s0, h)
+    for i in range(arc_lengths.shape[0]):
+        e, x = find_element(arc_lengths[i], s0, h)
         first = e * order
         for j in range(order + 1):
             increments(q[first + j], 3 * j, frame)
         for k in range(e):
             for a in range(3):
                 for j in range(nd):
-                    way[i, a, 3 * k * order + j] += parts[k, a, j]
-        for k in range(gauss.shape[0]):
+                    displacement[i, a, 3 * k * order + j] += parts[k, a, j]
+        for k in range(N.shape[0]):
             if x == 0.0:
                 break
-            at_place(q, first, order, N[k], frame, qs, D)
+            interpolate_frame(q, first, order, N[k], frame, qs, D)
             norm = tangent(qs, t)
-            weight = h[e] * part(primitives, k, x)
-            tangent_derivative(qs, t, 2.0 * weight / norm, D, way[i], 3 * first, nd)
-        shape(nodes, x, Nx, dNx)
-        at_place(q, first, order, Nx, frame, qs, D)
+            weight = h[e] * weight_up_to(tables.primitives, k, x)
+            tangent_derivative(qs, t, 2.0 * weight / norm, D, displacement[i], 3 * first, nd)
+        shape_functions(tables.nodes, x, Nx, dNx)
+        interpolate_frame(q, first, order, Nx, frame, qs, D)
         norm = tangent(qs, t)
         tangent_derivative(qs, t, 2.0 / norm, D, turn[i], 3 * first, nd)
 
 
 @njit(**OPTIONS)
-def surfaces(q, h, s0, nodes, c, places, which, obstacles):
-    """Centreline and obstacle surface at the arc lengths `places` (m,), obstacles `which` (m,).
+def surfaces(shape, arc_lengths, which, obstacles):
+    """Centreline and obstacle surfaces at given arc lengths.
 
-    Returns position, tangent, curvature vector and normal, each (m, 3), then the principal directions
-    (m, 2, 3) of the gap's Hessian and its eigenvalues (m, 2). `c`: coefficients of the centreline.
+    Args:
+        shape: fields of `contact_state.Shape`, as plain tuples.
+        arc_lengths: (m,) arc lengths, L.
+        which: (m,) the obstacle of each.
+        obstacles: (o, WIDTH).
+
+    Returns:
+        Position, tangent, curvature vector and normal, each (m, 3), then the principal directions (m, 2, 3)
+        of the gap's Hessian and its eigenvalues (m, 2).
     """
-    m = places.shape[0]
+    q, c, grid = shape
+    h, s0, tables = grid_of(grid)
+    m = arc_lengths.shape[0]
     r, t, dt, n = np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3))
     directions, bends = np.empty((m, 2, 3)), np.empty((m, 2))
     for i in range(m):
-        position(c, h, s0, places[i], r[i])
-        direction(q, h, s0, nodes, places[i], t[i], dt[i])
+        position(c, h, s0, arc_lengths[i], r[i])
+        direction(q, h, s0, tables.nodes, arc_lengths[i], t[i], dt[i])
         gap(obstacles[which[i]], r[i], n[i], directions[i], bends[i])
     return r, t, dt, n, directions, bends
 
 
 @njit(**OPTIONS)
 def columns(elastic, geometric, first, count):
-    """Columns `first` to `first + count` of the Hessian, dense (3n, count)."""
+    """Columns `first` to `first + count` of the Hessian, dense (3n, count).
+
+    `elastic`, `geometric`: of `rod_state.Tangents`.
+    """
     n, band = elastic.shape[0], elastic.shape[1] - 1
     out = np.zeros((n, count))
     for k in range(count):
@@ -83,7 +110,10 @@ def columns(elastic, geometric, first, count):
 
 @njit(**OPTIONS)
 def solve_inner(elastic, geometric, order, X):
-    """X (3n, k) becomes H^-1 X at the inner nodes, and 0 at the ends; returns the pivots' worst quality."""
+    """X (3n, k) = H^-1 X at the inner nodes, and 0 at the ends; returns the pivots' worst quality.
+
+    `elastic`, `geometric`: of `rod_state.Tangents`; `order`: of the elements.
+    """
     n = elastic.shape[0]
     U, pivots = np.empty_like(elastic), np.empty(n)
     _, worst = banded.factor(elastic + geometric, 3, n - 3, order, U, pivots)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ways past the obstacles: a string pulled tight tells whether a cable is long enough, and where to go."""
+"""Taut-string shortest paths past the obstacles: whether a cable is long enough, and where it can pass."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from cable_ros.contact.distance import across, gap
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 SIDES = 6
-"""Directions in which the string is led around; before them straight, which goes where it is pushed."""
+"""Number of sides on which a string starts; before them a straight one."""
 PARTS = 40
-"""The string's straight parts."""
+"""Number of straight segments of a string."""
 CUT = 0.01
-"""Deeper inside than this no part of the string cuts a corner: it goes through, in lengths of the cable."""
+"""Maximum depth, L, at which a segment may cut a corner; deeper it goes through the obstacle."""
 SWEEPS, CHECK = 240, 8
-"""Most sweeps over the string, and how often it is looked at."""
+"""Maximum number of sweeps over the string, and number of sweeps between two checks."""
 NARROW = 5e-3
-"""A way that is shorter than the cable by less than this is looked at more closely, parts of the length."""
+"""Difference, L, below which a path shorter than the cable is computed with more segments."""
 FINER = 4
-"""In so many times as many parts."""
+"""Number of those segments over PARTS."""
 SLIGHT = 1e-4
-"""A way that is longer by no more than this, parts of the length, is not yet called too long."""
+"""Difference, L, up to which a path longer than the cable does not count as too long."""
 DISTINCT = 0.02
-"""Strings no farther apart than this are one, in lengths of the cable."""
+"""Maximum distance, L, of strings that count as one."""
 STILL = 3e-6
-"""Sweeps that move nothing by more end the pulling, in lengths of the cable."""
+"""Largest motion in the sweeps since the last check, L, that ends the iteration."""
 
 
 @njit(**OPTIONS)
@@ -73,8 +73,8 @@ def pull_tight(r: np.ndarray, obstacles: np.ndarray, enough: float) -> float:
 
 
 @njit(**OPTIONS)
-def led(re: np.ndarray, k: int) -> np.ndarray:
-    """A string (n, 3) from 0 to re (3,) that is led around on the k-th of SIDES; straight for k = 0."""
+def initial_string(re: np.ndarray, k: int) -> np.ndarray:
+    """An initial string (n, 3) from 0 to re (3,) on the k-th of SIDES; straight for k = 0."""
     sides = np.empty((2, 3))
     across(re / max(np.sqrt(np.sum(re**2)), 1e-12), sides)
     r = np.empty((PARTS + 1, 3))
@@ -88,40 +88,40 @@ def led(re: np.ndarray, k: int) -> np.ndarray:
 
 
 @njit(**OPTIONS)
-def shortest_way(re: np.ndarray, obstacles: np.ndarray, enough: float) -> tuple[float, np.ndarray]:
-    """Length of the shortest way found from 0 to re (3,) outside the obstacles, and its points (n, 3).
+def shortest_path(re: np.ndarray, obstacles: np.ndarray, enough: float) -> tuple[float, np.ndarray]:
+    """Length of the shortest path found from 0 to re (3,) outside the obstacles, and its points (n, 3).
 
     The search ends with the first one that is not longer than `enough`.
     """
-    best, way = np.inf, np.empty((PARTS + 1, 3))
+    best, path = np.inf, np.empty((PARTS + 1, 3))
     for k in range(SIDES + 1):
-        r = led(re, k)
+        r = initial_string(re, k)
         length = pull_tight(r, obstacles, enough)
         if length < best:
-            best, way = length, r
+            best, path = length, r
         if best <= enough:
             break
-    return best, way
+    return best, path
 
 
-def ways(re: np.ndarray, obstacles: np.ndarray, reach: float) -> list[np.ndarray]:
+def taut_strings(re: np.ndarray, obstacles: np.ndarray, reach: float) -> list[np.ndarray]:
     """Strings (n, 3) from 0 to re (3,) past the obstacles (n, WIDTH), pulled tight, the shortest first.
 
-    Each goes another way round, and none is longer than `reach`.
+    Each passes the obstacles on another side, and none is longer than `reach`.
     """
     found: list[tuple[float, np.ndarray]] = []
     for k in range(SIDES + 1):
-        r = led(re, k)
+        r = initial_string(re, k)
         length = float(pull_tight(r, obstacles, 0.0))
         if length < reach and all(np.abs(r - other).max() > DISTINCT for _, other in found):
             found.append((length, r))
     return [r for _, r in sorted(found, key=_first)]
 
 
-def _finer(way: np.ndarray, obstacles: np.ndarray) -> tuple[float, np.ndarray]:
-    """Length and points of the string `way` (n, 3) in FINER times as many parts."""
-    at = np.linspace(0.0, len(way) - 1.0, FINER * (len(way) - 1) + 1)
-    r = np.stack([np.interp(at, np.arange(len(way)), way[:, a]) for a in range(3)], axis=1)
+def _finer(path: np.ndarray, obstacles: np.ndarray) -> tuple[float, np.ndarray]:
+    """Length and points of the string `path` (n, 3) in FINER times as many segments."""
+    at = np.linspace(0.0, len(path) - 1.0, FINER * (len(path) - 1) + 1)
+    r = np.stack([np.interp(at, np.arange(len(path)), path[:, a]) for a in range(3)], axis=1)
     return float(pull_tight(r, obstacles, 0.0)), r
 
 
@@ -130,20 +130,20 @@ def _first(one: tuple[float, np.ndarray]) -> float:
 
 
 def too_short(re: np.ndarray, obstacles: np.ndarray, reach: float) -> tuple[float, int] | None:
-    """How much longer than `reach` the shortest way past the obstacles (n, WIDTH) is; the nearest to it.
+    """How much longer than `reach` the shortest path past the obstacles (n, WIDTH) is; the nearest to it.
 
-    None where a shorter one was found. Units of the cable, start clamp's frame. Parts of the string that cut
-    a corner make it shorter than it is, never longer.
+    None if a shorter one was found. Units of the cable, start clamp's frame. Segments that cut a corner
+    make the string too short, never too long.
     """
-    length, way = shortest_way(re, obstacles, reach - NARROW)
+    length, path = shortest_path(re, obstacles, reach - NARROW)
     if reach - NARROW < length <= reach + SLIGHT:
         # coarse strings cut corners
-        close = [_finer(one, obstacles) for one in ways(re, obstacles, reach + SLIGHT)]
-        length, way = min(close, key=_first, default=(length, way))
+        close = [_finer(one, obstacles) for one in taut_strings(re, obstacles, reach + SLIGHT)]
+        length, path = min(close, key=_first, default=(length, path))
     if length <= reach + SLIGHT:
         return None
     if length == np.inf:
         return None
     n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
-    nearest = [min(gap(one, r, n, directions, bends) for r in way[1:-1]) for one in obstacles]
+    nearest = [min(gap(one, r, n, directions, bends) for r in path[1:-1]) for one in obstacles]
     return float(length) - reach, int(np.argmin(nearest))

@@ -12,8 +12,8 @@ from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.detection import passage
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.patches import resample
-from cable_ros.contact.penalty_continuation import NEAR, descend, give_way
-from cable_ros.contact.points import FORCE, HELD, TIE
+from cable_ros.contact.penalty_continuation import NEAR, descend, descend_instead
+from cable_ros.contact.points import BEFORE, FORCE, INTERFACE
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
@@ -39,26 +39,23 @@ class TouchingRod(ActiveSetRod):
             self.density,
         )
         new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
-        new.model, new.sense, new.forgot = self.model, self.sense, self.forgot
+        new.model, new.direction, new.forgot = self.model, self.direction, self.forgot
         new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
-        new.points[:, FORCE : HELD + 3] /= scale
+        new.points[:, FORCE : BEFORE + 3] /= scale
         if mesh is not None:
-            new.points[:, TIE] = -1.0
+            new.points[:, INTERFACE] = -1.0
             new.count = resample(new.points, new.count, new.h, new.s0)
         return new
 
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """Descend with soft obstacles, which any shape can start from, then make them hard."""
+        """Descend with soft obstacles, which any shape can start from, then with hard ones."""
         self.ready = False
         if self.count:
-            assert self.obstacles is not None
             # mostly the same equilibrium on another mesh: its contacts are known
             q_let, F_let = self._let_go(q, F, options.step_tolerance)
-            code, iterations, q_new, F_new = self.touch(
-                q_let, F_let, self.qe, self.re, self.f, options.step_tolerance, 1.0, self.obstacles
-            )
+            code, iterations, q_new, F_new = self.correct(q_let, F_let, options.step_tolerance)
             if code == warm_step.ADVANCED:
                 return q_new, F_new, iterations
             self.forgot = self.forgot or self.model == COULOMB
@@ -78,9 +75,8 @@ class TouchingRod(ActiveSetRod):
             if code != warm_step.ADVANCED:
                 return code, iterations, q_new, F_new
             clearance, crossed = passage(
-                q, q_new, self.h, self.s0, self.tables[0], self.primitives, self.c,
-                self.samples, self.obstacles, obstacles, self.phi,
-            )  # fmt: skip
+                q, self.shape(q_new), self.samples, self.obstacles, obstacles, self.phi
+            )
             near = clearance <= 0.5 * self.spacing
             if not near or (clearance > -self.depth and not self._dips(q_new, obstacles)):
                 if crossed:
@@ -89,10 +85,10 @@ class TouchingRod(ActiveSetRod):
                 self.obstacles = obstacles
                 return code, iterations, q_new, F_new
             self.set_conditions(*before)
-        result = self.touch(q, F, qe, re, f, tolerance, limit, obstacles)
+        result = self.step_in_contact(q, F, qe, re, f, tolerance, limit, obstacles)
         if result[0] == warm_step.ADVANCED:
             return result
-        return give_way(self, q, F, qe, re, f, limit, obstacles, result)
+        return descend_instead(self, q, F, qe, re, f, limit, obstacles, result)
 
     def snapshot(self) -> Callable[[], Rod]:
         return partial(_standing, self, self.mesh, self.points[: self.count].copy(), self.obstacles)

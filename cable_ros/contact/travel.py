@@ -1,25 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: how far a cable is led from one pose to another."""
+"""Compiled: distance between two poses of a cable among obstacles."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS
 
 TURN = 0.3
-"""A clamp or an obstacle that turns by 1 rad moves the cable beside it by about so many lengths."""
+"""Motion of the cable, L, beside a clamp or an obstacle that turns by 1 rad."""
 FRICTION_STEP, CONTACT_STEP = 0.02, 0.1
 """Longest step, lengths, of a cable among obstacles, with friction and without: friction depends on the path
 between two poses, which is taken to be straight."""
 FRICTION_CHANGE = 0.12
-"""Most that a step may change the friction across the cable, of what slips, relative to all friction that can
-be: within a step slip has one direction. With twice as much, wrenches differed by 1 % from those of finer
-steps. Along itself a cable slips as a whole, one way."""
+"""Maximum change in a step of the friction across the cable, of what slips, relative to all possible
+friction: within a step slip has one direction. With twice as much, wrenches differed by 1 % from those of
+finer steps. Along itself a cable slips as a whole, in one direction."""
 FRICTION_LEAST = 2e-4
-"""A step that leads no farther, lengths, may change it at once, as where all that sticks lets go."""
+"""Length of a step, L, that may change it at once, as when everything that sticks begins to slip."""
 SHORTER = 0.8
-"""A step that must be shorter is made so much shorter still: it need not fail twice."""
+"""Factor by which a step that must be shorter is made shorter still, so as not to fail twice."""
 
 
 def stride(change: float) -> float:
@@ -32,7 +33,12 @@ def travel(
     qe: np.ndarray, re: np.ndarray, obstacles: np.ndarray, qe2: np.ndarray, re2: np.ndarray,
     obstacles2: np.ndarray,
 ) -> float:  # fmt: skip
-    """Largest motion of the end clamp and the obstacles (o, WIDTH) in the start clamp's frame, lengths."""
+    """Largest motion of the end clamp and the obstacles in the start clamp's frame, L.
+
+    Args:
+        qe, re, obstacles: end frame (4,), end position (3,) and obstacles (o, WIDTH) before.
+        qe2, re2, obstacles2: the same after.
+    """
     straight, back, out = 0.0, 0.0, 0.0
     for i in range(4):
         straight = max(straight, abs(qe[i] - qe2[i]))
@@ -41,8 +47,8 @@ def travel(
     for i in range(3):
         out = max(out, abs(re[i] - re2[i]))
     for o in range(obstacles.shape[0]):
-        for i in range(1, 4):
+        for i in range(CENTRE, AXES):
             out = max(out, abs(obstacles[o, i] - obstacles2[o, i]))
-        for i in range(4, 13):
+        for i in range(AXES, DIMENSIONS):
             out = max(out, TURN * abs(obstacles[o, i] - obstacles2[o, i]))
     return out

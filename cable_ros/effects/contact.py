@@ -11,7 +11,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cable_ros.contact.distance import BOX, CAPSULE, CYLINDER, PLANE, SPHERE, WIDTH
+from cable_ros.contact.distance import (
+    AXES,
+    BOX,
+    CAPSULE,
+    CENTRE,
+    CYLINDER,
+    DIMENSIONS,
+    OFFSET,
+    PLANE,
+    SHAPE,
+    SPHERE,
+    WIDTH,
+)
 from cable_ros.effects.effect import Environment, Properties
 from cable_ros.rod.quaternion import matrix_from_ros
 from cable_ros.scene import Cable, Scene
@@ -42,21 +54,21 @@ def encode(obstacles: Sequence[Obstacle], radius: float) -> np.ndarray:
         shape = obstacle.shape
         turn = np.eye(3)
         if isinstance(shape, Sphere):
-            row[0], row[1:4], row[13] = SPHERE, shape.center, shape.radius
+            row[SHAPE], row[CENTRE:AXES], row[DIMENSIONS] = SPHERE, shape.center, shape.radius
         elif isinstance(shape, Plane):
-            row[0], row[1:4] = PLANE, shape.point
+            row[SHAPE], row[CENTRE:AXES] = PLANE, shape.point
             turn = _facing(shape.normal)
         elif isinstance(shape, Capsule | Cylinder):
             axis = shape.end - shape.start
-            row[0] = CAPSULE if isinstance(shape, Capsule) else CYLINDER
-            row[1:4] = 0.5 * (shape.start + shape.end)
-            row[13:15] = shape.radius, 0.5 * np.linalg.norm(axis)
+            row[SHAPE] = CAPSULE if isinstance(shape, Capsule) else CYLINDER
+            row[CENTRE:AXES] = 0.5 * (shape.start + shape.end)
+            row[DIMENSIONS : DIMENSIONS + 2] = shape.radius, 0.5 * np.linalg.norm(axis)
             turn = _facing(axis / np.linalg.norm(axis))
         elif isinstance(shape, Box):
-            row[0], row[1:4], row[13:16] = BOX, shape.center, 0.5 * shape.size
+            row[SHAPE], row[CENTRE:AXES], row[DIMENSIONS:OFFSET] = BOX, shape.center, 0.5 * shape.size
             turn = matrix_from_ros(shape.orientation)
-        row[4:13] = turn.ravel()
-        row[16] = radius if obstacle.cable_radius_counts else 0.0
+        row[AXES:DIMENSIONS] = turn.ravel()
+        row[OFFSET] = radius if obstacle.cable_radius_counts else 0.0
     return out
 
 

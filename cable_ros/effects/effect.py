@@ -29,7 +29,7 @@ class Properties:
     compliance: np.ndarray | None = None
     """(3,) 1/GAx, 1/GAy, 1/EA, 1/N; None: inextensible and unshearable."""
     obstacles: np.ndarray | None = None
-    """(n, contact_kernels.WIDTH) in their links' frames, without friction; None: nothing to touch."""
+    """(n, distance.WIDTH) in their links' frames, without friction; None: nothing to touch."""
     friction: np.ndarray | None = None
     """(n,) coefficients of the obstacles; None: frictionless."""
     friction_model: str = "coulomb"

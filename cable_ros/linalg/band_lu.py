@@ -12,7 +12,14 @@ from cable_ros.compilation import LEAF, njit
 
 @njit(**LEAF)
 def band_factor(a, n, lower, pivots):
-    """Factor the first n rows of `a` in place; pivots (n,) receives the row swaps. False: singular."""
+    """Factor the first n rows of a banded matrix in place; False if it is singular.
+
+    Args:
+        a: (n or more, 3 lower + 1) row i, column j at [i, lower + j - i].
+        n: number of rows.
+        lower: number of bands below the diagonal, and above it.
+        pivots: (n,) receives the row swaps.
+    """
     reach = 2 * lower
     for i in range(n):
         p, size = i, abs(a[i, lower])
@@ -44,7 +51,7 @@ def band_factor(a, n, lower, pivots):
 
 @njit(**LEAF)
 def band_solve(a, n, lower, pivots, b):
-    """Solve in place, b (n,), with the factors of `band_factor`."""
+    """Solve in place, b (n,), with the factors of `band_factor`; `a`, `n`, `lower`, `pivots` as there."""
     for i in range(n):
         p = pivots[i]
         if p != i:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled factorisation of symmetric banded systems with a few dense borders.
+"""Compiled factorisation of symmetric banded systems with a few dense constraint rows.
 
 Row i, column j <= i of the matrix stands at [i, b + j - i] of an array (n, b + 1). The factorisation
 A = L D L^T takes pivots as they come: their signs are the inertia, which tells minima from saddles.

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: the saddle system of the rod's Hessian and its conditions, factored once and solved often.
+"""Compiled: the bordered (KKT) system of the rod's Hessian and its constraints, factored once, solved often.
 
-The Hessian is banded; the end position's derivative and whatever else holds the rod are a few dense borders.
+The Hessian H is banded, the sum of the `elastic` part D and the `geometric` one of `tangents`, a
+`rod_state.Tangents` of n nodes with bands of b numbers. The end position's derivative and what else holds the
+rod are a few dense constraint rows. `order` is that of the elements.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,9 +17,26 @@ from cable_ros.linalg import banded, dense
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+SINGULAR = 1e-11
+"""Factors with a worse pivot have lost their digits."""
 NEUTRAL = 1e-6
 """Part of the elastic stiffness that is always added to the Hessian: an equilibrium that may turn freely, as
 that of a round weightless rod about the line of its clamps, then counts as stable, and can be followed."""
+
+
+class Factors(NamedTuple):
+    """Factors of a bordered system with r constraint rows; change with every refactorisation."""
+
+    A: np.ndarray
+    """(3n, b) workspace: the matrix that is factored."""
+    U: np.ndarray
+    """(3n, b) its factors, see `linalg.banded`."""
+    pivots: np.ndarray
+    """(3n,) their pivots."""
+    Y: np.ndarray
+    """(r or more, 3n) H^-1 times the constraint rows, transposed."""
+    S: np.ndarray
+    """(r or more, r or more) the Schur complement."""
 
 
 @njit(**LEAF)
@@ -51,7 +72,7 @@ def inner(v, s):
 
 @njit(**LEAF)
 def relax(g, order, U, pivots, s):
-    """s = -H^-1 g (3n,) at the inner nodes, 0 at the ends."""
+    """s = -H^-1 g, s and g (3n,), at the inner nodes, 0 at the ends; `order`, `U`, `pivots`: of H."""
     n = s.shape[0]
     for i in range(n):
         s[i] = -g[i] if 3 <= i < n - 3 else 0.0
@@ -59,18 +80,18 @@ def relax(g, order, U, pivots, s):
 
 
 @njit(**LEAF)
-def missing(c, V, rows, s, b):
-    """b = -c - V s for the first rows."""
-    for a in range(rows):
+def missing(c, V, count, s, b):
+    """b = -c - V s, b and c (count,), for the first `count` rows of V (rows, 3n), s (3n,)."""
+    for a in range(count):
         b[a] = -c[a] - inner(V[a], s)
 
 
 @njit(**LEAF)
-def respond(Y, rows, y, s):
-    """Add Y^T y of the first rows to s (3n,) at the inner nodes."""
+def respond(Y, count, y, s):
+    """Add Y^T y, y (count,), of the first `count` rows of Y (rows, 3n) to s (3n,) at the inner nodes."""
     n = s.shape[0]
     free = s[3 : n - 3]
-    for a in range(rows):
+    for a in range(count):
         v, row = y[a], Y[a, 3 : n - 3]
         for i in range(free.shape[0]):
             free[i] += row[i] * v
@@ -101,20 +122,20 @@ def negative3(S):
 
 
 @njit(**LEAF)
-def schur(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
-    """Factor H + mu D and form S = C (H + mu D)^-1 C^T.
+def schur(tangents, mu, order, factors):
+    """Factor H + mu D and form S = C (H + mu D)^-1 C^T, both in `factors`, of 3 rows.
 
-    Returns the number of negative eigenvalues of H + mu D and the pivots' worst quality.
+    Returns the number of negative eigenvalues of H + mu D and the pivots' worst quality. `tangents`, `order`:
+    see this file's first lines.
     """
-    n = A.shape[0]
-    for i in range(n):
-        for j in range(A.shape[1]):
-            A[i, j] = (1.0 + NEUTRAL + mu) * elastic[i, j] + geometric[i, j]
-    negative, worst = banded.factor(A, 3, n - 3, order, L, pivots)
+    C = tangents.C
+    negative, worst = shift(tangents, mu, order, factors)
+    _, U, pivots, Y, S = factors
+    n = U.shape[0]
     for a in range(3):
         for i in range(n):
             Y[a, i] = C[a, i] if 3 <= i < n - 3 else 0.0
-        banded.solve(L, pivots, 3, n - 3, order, Y[a])
+        banded.solve(U, pivots, 3, n - 3, order, Y[a])
     for a in range(3):
         for b in range(a + 1):
             S[a, b] = inner(C[a], Y[b])
@@ -123,118 +144,180 @@ def schur(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
 
 
 @njit(**LEAF)
-def factor(elastic, geometric, C, mu, order, A, L, pivots, Y, S):
+def shift(tangents, mu, order, factors):
+    """Factor H + (NEUTRAL + mu) D, of `tangents` and `order`, in `factors`; returns as `schur`."""
+    elastic, geometric = tangents.elastic, tangents.geometric
+    A = factors.A
+    n = A.shape[0]
+    for i in range(n):
+        for j in range(A.shape[1]):
+            A[i, j] = (1.0 + NEUTRAL + mu) * elastic[i, j] + geometric[i, j]
+    return banded.factor(A, 3, n - 3, order, factors.U, factors.pivots)
+
+
+@njit(**LEAF)
+def factor(tangents, mu, order, factors):
     """Factor the saddle system of H + mu D; whether that is positive on the end condition's tangent space.
 
     The matrix has the inertia of H + mu D and that of -S together; a strict minimum has three negative
     eigenvalues in all (Gould 1985).
+
+    Args:
+        tangents: `rod_state.Tangents`.
+        mu: weight of D.
+        order: of the elements.
+        factors: `Factors` of 3 rows, overwritten.
     """
-    negative, worst = schur(elastic, geometric, C, mu, order, A, L, pivots, Y, S)
-    return worst > 1e-11 and negative3(S) == negative
+    negative, worst = schur(tangents, mu, order, factors)
+    return worst > SINGULAR and negative3(factors.S) == negative
 
 
 @njit(**LEAF)
-def saddle_step(g, c, C, order, L, pivots, Y, S, s, dF):
-    """s (3n,), dF (3,) with H s - C^T dF = -g, C s = -c at the inner nodes; s = 0 at the ends."""
-    relax(g, order, L, pivots, s)
+def saddle_step(g, c, C, order, factors, s, dF):
+    """s (3n,), dF (3,) with H s - C^T dF = -g, C s = -c at the inner nodes; s = 0 at the ends.
+
+    Args:
+        g, c: (3n,) gradient, (3,) how far the end is off.
+        C: (3, 3n) of `rod_state.Tangents`.
+        order: of the elements.
+        factors: as `factor` leaves them.
+        s, dF: receive the step.
+    """
+    relax(g, order, factors.U, factors.pivots, s)
     missing(c, C, 3, s, dF)
-    solve3(S, dF, dF)
-    respond(Y, 3, dF, s)
+    solve3(factors.S, dF, dF)
+    respond(factors.Y, 3, dF, s)
 
 
 @njit(**OPTIONS)
-def border_factor(elastic, geometric, mu, order, A, U, pivots, V, delta, rows, equalities, Y, S):
-    """`factor` with more borders: form their Schur complement S; whether the whole is a strict minimum.
+def border_factor(tangents, mu, order, factors, V, delta, count, equalities):
+    """`factor` with more constraint rows; whether the whole is a strict minimum.
 
     With H' = H + mu D + sum v v^T / delta over the rows of V beyond the equalities, the bordered matrix has
     as many negative eigenvalues as there are equalities and positive deltas exactly where H' is positive on
     the equalities' tangent space. A row with delta 0 is an equality, too.
+
+    Args:
+        tangents, mu, order: as in `factor`.
+        factors: `Factors` of `count` rows or more, overwritten.
+        V, delta: (rows, 3n) constraint rows, (rows,) their compliances.
+        count: number of rows.
+        equalities: number of the first rows that are equalities.
     """
-    n = elastic.shape[0]
-    for i in range(n):
-        for j in range(A.shape[1]):
-            A[i, j] = (1.0 + NEUTRAL + mu) * elastic[i, j] + geometric[i, j]
-    negative, worst = banded.factor(A, 3, n - 3, order, U, pivots)
+    negative, worst = shift(tangents, mu, order, factors)
     expected = equalities
-    complement(V, V, rows, order, U, pivots, Y, S)
-    for a in range(rows):
+    complement(V, V, count, order, factors)
+    S = factors.S
+    for a in range(count):
         for b in range(a):
             S[b, a] = S[a, b]
         S[a, a] += delta[a]
         if a >= equalities and delta[a] >= 0.0:
             expected += 1
-    return worst > 1e-11 and negative + dense.positive(S[:rows, :rows]) == expected
+    return worst > SINGULAR and negative + dense.positive(S[:count, :count]) == expected
 
 
 @njit(**OPTIONS)
-def complement(V, W, rows, order, U, pivots, Y, S):
-    """Y (rows, 3n) = H^-1 W^T and S = V H^-1 W^T at the inner nodes, from the factors U of H."""
+def complement(V, W, count, order, factors):
+    """Y = H^-1 W^T and S = V H^-1 W^T at the inner nodes, in `factors`, from the factors U of H.
+
+    Args:
+        V, W: (rows, 3n) constraint rows, and the directions in which their multipliers act.
+        count: number of rows.
+        order: of the elements.
+        factors: `Factors` of `count` rows or more.
+    """
+    _, U, pivots, Y, S = factors
     n = U.shape[0]
-    X = np.empty((n, rows))
+    X = np.empty((n, count))
     for i in range(n):
-        for a in range(rows):
+        for a in range(count):
             X[i, a] = W[a, i]
     banded.solve_all(U, pivots, 3, n - 3, order, X)
-    S[:rows, :rows] = 0.0
-    # for what is nearer to the start clamp a border reads nothing of what comes later
-    for a in range(rows):
+    S[:count, :count] = 0.0
+    # a row for a point near the start clamp reads nothing of what comes later
+    for a in range(count):
         for i in range(3, n - 3):
             v = V[a, i]
             if v != 0.0:
-                for b in range(rows):
+                for b in range(count):
                     S[a, b] += v * X[i, b]
-    for a in range(rows):
+    for a in range(count):
         for i in range(n):
             Y[a, i] = X[i, a] if 3 <= i < n - 3 else 0.0
 
 
 @njit(**OPTIONS)
-def complement_factors(S, rows):
-    """What `border_solve` needs of the complement S: its factors and their swaps, of three rows itself."""
-    swaps = np.empty(rows, np.int64)
-    if rows == 3:
+def complement_factors(S, count):
+    """What `border_solve` needs of the complement S of `count` rows: its factors and their swaps, of 3 S
+    itself.
+    """
+    swaps = np.empty(count, np.int64)
+    if count == 3:
         return S, swaps
-    factors = S[:rows, :rows].copy()
+    factors = S[:count, :count].copy()
     dense.factor(factors, swaps)
     return factors, swaps
 
 
 @njit(**OPTIONS)
-def border_solve(g, c, V, rows, order, U, pivots, Y, factors, swaps, s, y):
-    """`border_step` with what `complement_factors` made of the complement."""
-    b = np.empty(rows)
-    relax(g, order, U, pivots, s)
-    missing(c, V, rows, s, b)
-    if rows == 3:
-        solve3(factors, b, y)
+def border_solve(g, c, V, order, factors, small, swaps, s, y):
+    """`border_step` with factors of the complement.
+
+    Args:
+        g, c, V, order, factors, s, y: as in `border_step`.
+        small, swaps: (count, count), (count,) what `complement_factors` made of the complement.
+    """
+    count = swaps.shape[0]
+    b = np.empty(count)
+    relax(g, order, factors.U, factors.pivots, s)
+    missing(c, V, count, s, b)
+    if count == 3:
+        solve3(small, b, y)
     else:
-        dense.solve_factored(factors, swaps, b, y)
-    respond(Y, rows, y, s)
+        dense.solve_factored(small, swaps, b, y)
+    respond(factors.Y, count, y, s)
 
 
 @njit(**OPTIONS)
-def border_step(g, c, V, rows, order, U, pivots, Y, S, s, y):
-    """s (3n,), y (rows,) with H s - V^T y = -g, V s + delta y = -c; s = 0 at the ends."""
-    factors, swaps = complement_factors(S, rows)
-    border_solve(g, c, V, rows, order, U, pivots, Y, factors, swaps, s, y)
+def border_step(g, c, V, count, order, factors, s, y):
+    """s (3n,), y (count,) with H s - V^T y = -g, V s + delta y = -c; s = 0 at the ends.
+
+    Args:
+        g, c: (3n,) gradient, (count,) what the constraints are off.
+        V: (rows, 3n) constraint rows, of which the first `count` count.
+        order: of the elements.
+        factors: as `border_factor` leaves them.
+        s, y: receive the step.
+    """
+    small, swaps = complement_factors(factors.S, count)
+    border_solve(g, c, V, order, factors, small, swaps, s, y)
 
 
 @njit(**LEAF)
-def end_coupling(elastic, geometric, V, rows, theta, g, c):
-    """Add to g (3n,) and c (rows,) what turning the end section by theta (3,) does to them."""
+def end_coupling(tangents, V, count, theta, g, c):
+    """Add to g (3n,) and c (count,) what turning the end section by theta (3,) does to them.
+
+    V (rows, 3n) holds `count` constraint rows, `tangents` is a `rod_state.Tangents`.
+    """
+    elastic, geometric = tangents.elastic, tangents.geometric
     n, band = elastic.shape[0], elastic.shape[1] - 1
     for k in range(3):
         row = n - 3 + k
         for j in range(row - band, n - 3):
             at = band + j - row
             g[j] += (elastic[row, at] + geometric[row, at]) * theta[k]
-        for a in range(rows):
+        for a in range(count):
             c[a] += V[a, row] * theta[k]
 
 
 @njit(**OPTIONS)
-def end_rows(elastic, geometric, V, rows, s, dF):
-    """What the step (s, dF), s = 0 at the end, adds to the gradient at the end node: (3,)."""
+def end_rows(tangents, V, count, s, y):
+    """(3,) what the step s (3n,), y (count,), s = 0 at the end, adds to the gradient at the end node.
+
+    V (rows, 3n) holds `count` constraint rows, `tangents` is a `rod_state.Tangents`.
+    """
+    elastic, geometric = tangents.elastic, tangents.geometric
     n, band = elastic.shape[0], elastic.shape[1] - 1
     out = np.zeros(3)
     for k in range(3):
@@ -242,6 +325,6 @@ def end_rows(elastic, geometric, V, rows, s, dF):
         for j in range(row - band, n - 3):
             at = band + j - row
             out[k] += (elastic[row, at] + geometric[row, at]) * s[j]
-        for a in range(rows):
-            out[k] -= V[a, row] * dF[a]
+        for a in range(count):
+            out[k] -= V[a, row] * y[a]
     return out

@@ -13,7 +13,7 @@ from cable_ros.compilation import njit
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 GROWTH = (1.0 + np.sqrt(17.0)) / 8.0
-"""A pivot so much smaller than its column is not taken alone (Bunch & Kaufman 1977)."""
+"""Ratio of a pivot to its column below which it is not taken alone (Bunch & Kaufman 1977)."""
 
 
 @njit(**OPTIONS)

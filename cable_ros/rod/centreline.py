@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: points and tangents of a rod's centreline, from its nodal frames."""
+"""Compiled: points and tangents of a rod's centreline, from its nodal frames, and their derivatives."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from cable_ros.compilation import LEAF, njit
 
 @njit(**LEAF)
 def shape(nodes, x, N, dN):
-    """Values and slopes (order + 1,) of the Lagrange polynomials through `nodes` at x."""
+    """Values N and slopes dN (p + 1,) at x of the Lagrange polynomials through `nodes` (p + 1,)."""
     for i in range(nodes.shape[0]):
         N[i], dN[i] = lagrange(nodes, i, x)
 
 
 @njit(**LEAF)
 def lagrange(nodes, i, x):
-    """Value and slope at x of the Lagrange polynomial that is 1 at node i."""
+    """Value and slope at x of the Lagrange polynomial through `nodes` (p + 1,) that is 1 at node i."""
     v, d, size = 1.0, 0.0, 1.0
     for k in range(nodes.shape[0]):
         if k != i:
@@ -40,11 +40,16 @@ def tangent(q, t):
 
 @njit(**LEAF)
 def curve(q, h, N, primitives, c):
-    """Coefficients c (elements, p + 1, 3) of the centreline: sum_k c[e, k] x^k at the place x of element e.
+    """Coefficients of the centreline: sum_k c[e, k] x^k at x in [0, 1] of element e.
 
-    It integrates the polynomial through the tangents at the element's p Gauss points, so that its ends are
-    where the solver has them. `primitives` (p, p): see `Mesh`, integrals of the Lagrange polynomials through
-    those points.
+    It integrates the polynomial through the tangents at the element's Gauss points, so that its ends are
+    where the solver has them.
+
+    Args:
+        q: (n, 4) nodal frames.
+        h: (m,) lengths of the elements.
+        N, primitives: `values` (g, p + 1) and `primitives` (g, g) of `rod_state.Tables`.
+        c: (m, g + 1, 3) overwritten.
     """
     count = N.shape[0]
     order = N.shape[1] - 1
@@ -77,7 +82,7 @@ def curve(q, h, N, primitives, c):
 
 @njit(**LEAF)
 def find_element(s, s0, h):
-    """Element of the arc length s and the place in it, 0 to 1."""
+    """Element of the arc length s and x in [0, 1] in it; the elements have lengths h (m,), starts s0 (m,)."""
     e = 0
     while e + 1 < s0.shape[0] and s >= s0[e + 1]:
         e += 1
@@ -87,7 +92,7 @@ def find_element(s, s0, h):
 
 @njit(**LEAF)
 def position(c, h, s0, s, r):
-    """Position r (3,) at arc length s on the curve with the coefficients c."""
+    """Position r (3,) at arc length s on a `curve` c, on elements of lengths h (m,) that start at s0 (m,)."""
     e, x = find_element(s, s0, h)
     top = c.shape[1] - 1
     for a in range(3):
@@ -99,7 +104,15 @@ def position(c, h, s0, s, r):
 
 @njit(**LEAF)
 def direction(q, h, s0, nodes, s, t, dt):
-    """Tangent t (3,) and its derivative dt (3,) at arc length s."""
+    """Tangent t (3,) and its derivative dt (3,) by the arc length, at s.
+
+    Args:
+        q: (n, 4) nodal frames.
+        h, s0: (m,) lengths of the elements and the arc lengths at which they start.
+        nodes: (p + 1,) of `rod_state.Tables`.
+        s: arc length, L.
+        t, dt: receive the results.
+    """
     e, x = find_element(s, s0, h)
     first = e * (nodes.shape[0] - 1)
     a, b, c, d = 0.0, 0.0, 0.0, 0.0
@@ -120,3 +133,64 @@ def direction(q, h, s0, nodes, s, t, dt):
     dt[0] = u * (c * da + d * db + a * dc + b * dd - t[0] * p)
     dt[1] = u * (-b * da - a * db + d * dc + c * dd - t[1] * p)
     dt[2] = u * (a * da - b * db - c * dc + d * dd - t[2] * p)
+
+
+@njit(**LEAF)
+def tangent_derivative(q, t, weight, D, C, first, count):
+    """Add the tangent's derivative along `count` columns of D to C (3, ...) from column `first` on.
+
+    Component a is (2 / n) (S_a q - t_a q), with t_a = q.S_a q / n.
+
+    Args:
+        q, t: (4,), (3,) quaternion of any length and its tangent.
+        weight: comes with the 2 / n.
+        D: (4, ...) derivatives of q.
+        C: receives the sum.
+        first, count: columns.
+    """
+    w, x, y, z = weight * q[0], weight * q[1], weight * q[2], weight * q[3]
+    for j in range(count):
+        p0, p1, p2, p3 = D[0, j], D[1, j], D[2, j], D[3, j]
+        pq = p0 * w + p1 * x + p2 * y + p3 * z
+        C[0, first + j] += p0 * y + p1 * z + p2 * w + p3 * x - t[0] * pq
+        C[1, first + j] += -p0 * x - p1 * w + p2 * z + p3 * y - t[1] * pq
+        C[2, first + j] += p0 * w - p1 * x - p2 * y + p3 * z - t[2] * pq
+
+
+@njit(**LEAF)
+def increments(q, c, out):
+    """Derivative (4, 3) of the quaternion q (4,) by its rotation vector, in `out` (4, ...) from column c."""
+    w, x, y, z = 0.5 * q[0], 0.5 * q[1], 0.5 * q[2], 0.5 * q[3]
+    out[0, c], out[1, c], out[2, c], out[3, c] = -x, w, z, -y
+    out[0, c + 1], out[1, c + 1], out[2, c + 1], out[3, c + 1] = -y, -z, w, x
+    out[0, c + 2], out[1, c + 2], out[2, c + 2], out[3, c + 2] = -z, y, -x, w
+
+
+@njit(**LEAF)
+def weight_up_to(primitives, k, x):
+    """Weight of the tangent at Gauss point k in the displacement from the element's start to x in [0, 1].
+
+    `primitives` is that of `Tables`.
+    """
+    v = 0.0
+    for m in range(primitives.shape[0] - 1, -1, -1):
+        v = (v + primitives[m, k]) * x
+    return v
+
+
+@njit(**LEAF)
+def interpolate_frame(q, first, order, N, frame, qs, D):
+    """Interpolated quaternion and its derivative by the nodal rotations of an element.
+
+    Args:
+        q, first, order: (n, 4) nodal frames, the element's first node and order p.
+        N: (p + 1,) shape functions.
+        frame: (4, 3 (p + 1)) derivatives of the nodal quaternions, see `increments`.
+        qs, D: (4,), (4, 3 (p + 1)) receive the results.
+    """
+    for a in range(4):
+        qs[a] = 0.0
+        for j in range(order + 1):
+            qs[a] += N[j] * q[first + j, a]
+            for m in range(3 * j, 3 * j + 3):
+                D[a, m] = N[j] * frame[a, m]

@@ -6,22 +6,34 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
+from cable_ros.linalg.bordered import end_coupling, end_rows, saddle_step
 from cable_ros.rod import quaternion
-from cable_ros.rod.energy_kernels import gradient, workspace
-from cable_ros.rod.warm_step import end_coupling, end_rows, saddle_step
+from cable_ros.rod.energy_kernels import gradient
+from cable_ros.rod.rod_state import Evaluation, Section, grid_of, system_of
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**OPTIONS)
-def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order, L, pivots, Y, S, g):
+def clamp_response(q, F, conditions, grid, system):
     """Derivative (12, 12) of both clamps' wrenches on the cable by their motions, in units of the cable.
 
     Rows: force and moment at the start, then at the end, each in its clamp's frame. Columns: translation
-    along and rotation about the start clamp's own axes, then the end clamp's. Needs the factors at the
-    equilibrium itself and its gradient `g` (n, 3). The load `f` is fixed in the world: it turns against a
-    start clamp that turns.
+    along and rotation about the start clamp's own axes, then the end clamp's. The load is fixed in the world:
+    it turns against a start clamp that turns.
+
+    Args:
+        q, F: equilibrium: nodal frames (n, 4), end force (3,).
+        conditions: fields of `Conditions`, as a plain tuple, see `entry_points`; so are the next ones.
+        grid: of `Grid`.
+        system: of `System` at that equilibrium, factored.
     """
+    qe, re, f = conditions
+    grid = grid_of(grid)
+    evaluation, tangents, factors = system_of(system)
+    elastic, geometric, _, C = tangents
+    g = evaluation.g
+    order = grid.tables.values.shape[1] - 1
     nodes = q.shape[0]
     n = 3 * nodes
     band = elastic.shape[1] - 1
@@ -30,7 +42,7 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
     right, s = np.empty(n), np.empty(n)
     c, dF, theta, unit = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     load, radial, totals = np.empty((nodes, 3)), np.empty(nodes), np.empty(5)
-    nothing, lanes = np.zeros(3), workspace(h, tables)
+    without = Section(np.zeros(3), np.zeros(3))
     back = quaternion.conjugate(qe)
     Fb = quaternion.rotate(back, F)
     M = g[nodes - 1]
@@ -45,17 +57,17 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
             c[0], c[1], c[2] = -x, -y, -z
         elif k < 6:
             theta[k - 3] = 1.0
-            end_coupling(elastic, geometric, C, 3, theta, right, c)
+            end_coupling(tangents, C, 3, theta, right, c)
         else:
             # the gradient is linear in the load: that of a cable without stiffness and end force is its
             # derivative
-            pull, force = np.zeros((nodes, 4)), np.zeros((h.shape[0], 3))
-            gradient(q, force, unit, nothing, nothing, h, s0, tables, lanes, pull, load, radial, totals)
+            pull, force = np.zeros((nodes, 4)), np.zeros((grid.h.shape[0], 3))
+            gradient(q, force, unit, without, grid, Evaluation(pull, load, radial, totals, evaluation.lanes))
             for i in range(nodes):
                 for a in range(3):
                     right[3 * i + a] = load[i, a]
-        saddle_step(right, c, C, order, L, pivots, Y, S, s, dF)
-        moment = end_rows(elastic, geometric, C, 3, s, dF)
+        saddle_step(right, c, C, order, factors, s, dF)
+        moment = end_rows(tangents, C, 3, s, dF)
         for i in range(3):
             moment[i] += right[n - 3 + i]
             for j in range(3):
@@ -74,7 +86,7 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
                 inner[3 + i, k] -= C[a, i] * dF[a]
             inner[6 + i, k] = dFb[i] - turned[i]
             inner[9 + i, k] = moment[i] - 0.5 * half[i]
-    # seen from the start clamp that moves, the end and the load move the other way
+    # in the frame of a start clamp that moves, the end and the load move backwards
     out = np.empty((12, 12))
     for i in range(12):
         for k in range(6):
@@ -98,5 +110,5 @@ def clamp_response(q, F, qe, re, f, h, s0, tables, elastic, geometric, C, order,
 
 @njit(**LEAF)
 def _cross(a, b):
-    """The cross product of two vectors (3,), as a tuple."""
+    """The cross product of two vectors a, b (3,), as a tuple."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -10,10 +10,12 @@ end wrench converges with order 2p, as for a collocation method of the same cost
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
+
+from cable_ros.rod.rod_state import Sampling, Tables
 
 LANES = 8
 """Points or nodes that the kernels work out side by side: what the widest vector registers hold."""
@@ -34,18 +36,20 @@ class ReferenceElement:
     values: np.ndarray
     slopes: np.ndarray
 
-    @property
-    def tables(self) -> tuple[np.ndarray, ...]:
-        """values, slopes, both with every column three times, points, weights, `by_point`, `by_node`."""
-        return (
-            self.values,
-            self.slopes,
-            np.repeat(self.values, 3, axis=1),
-            np.repeat(self.slopes, 3, axis=1),
-            self.points,
-            self.weights,
-            self.by_point,
-            self.by_node,
+    @cached_property
+    def tables(self) -> Tables:
+        """What the kernels need of the element."""
+        return Tables(
+            values=self.values,
+            slopes=self.slopes,
+            values3=np.repeat(self.values, 3, axis=1),
+            slopes3=np.repeat(self.slopes, 3, axis=1),
+            points=self.points,
+            weights=self.weights,
+            by_point=self.by_point,
+            by_node=self.by_node,
+            nodes=self.nodes,
+            primitives=primitives(self),
         )
 
     @property
@@ -78,7 +82,7 @@ def lobatto_nodes(order: int) -> np.ndarray:
 
 
 def lagrange(nodes: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values and derivatives (m, n) of the n Lagrange polynomials through `nodes` at the m places `at`."""
+    """Values and derivatives (m, n) of the n Lagrange polynomials through `nodes` at the m points `at`."""
     apart = nodes[:, None] - nodes
     np.fill_diagonal(apart, 1.0)
     values, slopes = np.ones((2, len(at), len(nodes)))
@@ -140,15 +144,15 @@ class Mesh:
         return np.append(inner.ravel(), 1.0)
 
     def locate(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Elements (m,) and places in them (m,), 0 to 1, of the arc lengths s (m,)."""
+        """Elements (m,) of the arc lengths s (m,), and the fractions (m,) of their lengths before them."""
         ends = np.cumsum(self.lengths)
         element = np.minimum(np.searchsorted(ends, s, side="left"), len(self.lengths) - 1)
         return element, np.clip((s - self.starts[element]) / self.lengths[element], 0.0, 1.0)
 
     def interpolate(self, q: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Unit quaternions (m, 4) at the arc lengths s (m,) of the nodal q (n, 4)."""
-        element, place = self.locate(s)
-        values, _ = lagrange(self.element.nodes, place)
+        element, fraction = self.locate(s)
+        values, _ = lagrange(self.element.nodes, fraction)
         index = element[:, None] * self.element.order + np.arange(self.element.order + 1)[None, :]
         out = np.einsum("mi,mia->ma", values, q[index])
         return out / np.linalg.norm(out, axis=1, keepdims=True)
@@ -159,27 +163,17 @@ class Mesh:
         return Mesh(self.element, np.repeat(self.lengths / times, times))
 
 
-@dataclass(frozen=True, eq=False)
-class Sampling:
-    """Where on a mesh the m equally spaced points of a polyline lie, as the compiled `polyline` takes it."""
-
-    element: np.ndarray
-    values: np.ndarray
-    weights: np.ndarray
-    quadrature: np.ndarray
-
-
 def sampling(mesh: Mesh, count: int) -> Sampling:
     """The tables for `count` points at equal arc lengths, both ends included."""
-    element, place = mesh.locate(np.linspace(0.0, 1.0, count))
-    values, _ = lagrange(mesh.element.nodes, place)
+    element, fraction = mesh.locate(np.linspace(0.0, 1.0, count))
+    values, _ = lagrange(mesh.element.nodes, fraction)
     # the tangent is no polynomial: a few more points than the solve keep the polyline as good as its ends
     points, weights = legendre.leggauss(mesh.element.order + 4)
     points, weights = 0.5 * (points + 1.0), 0.5 * weights
     quadrature, _ = lagrange(mesh.element.nodes, points)
-    inner, _ = lagrange(points, np.outer(place, points).ravel())
-    integrals = place[:, None] * np.einsum("g,mgk->mk", weights, inner.reshape(count, len(points), -1))
-    return Sampling(element.astype(np.int64), values, np.vstack([integrals, weights]), quadrature)
+    inner, _ = lagrange(points, np.outer(fraction, points).ravel())
+    integrals = fraction[:, None] * np.einsum("g,mgk->mk", weights, inner.reshape(count, len(points), -1))
+    return Sampling(element.astype(np.int64), values, np.vstack([integrals, weights]), quadrature, points)
 
 
 @cache
@@ -187,7 +181,7 @@ def integrals(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """For positions and frames anywhere along an element.
 
     Shape functions at more Gauss points, their `primitives`, and the shape functions' coefficients (order +
-    1, order + 1): column i in powers 0 to order of the place.
+    1, order + 1): column i in powers 0 to order of the fraction.
     """
     element = reference_element(order, order + 4)
     return element.values, primitives(element), np.linalg.inv(np.vander(element.nodes, increasing=True))

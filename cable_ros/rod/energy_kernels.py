@@ -16,20 +16,29 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
+from cable_ros.rod.centreline import increments, tangent_derivative
 from cable_ros.rod.elements import LANES
+from cable_ros.rod.rod_state import ENERGY, TWIST
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
-ROWS = 13
-"""Numbers of a point in `lanes`: frame (4), slope (4) and force (3) at first, then what `sections` makes."""
+SLOPE, FORCE, ELASTIC, TURN, ROWS = 4, 8, 11, 12, 13
+"""Rows of a point in `lanes`: frame (4), slope (4) and force (3) at first, then what `sections` makes of
+them: the tangent where the force was, elastic energy and twist."""
 NODES = 16
 """Most nodes of an element, in whole vectors."""
 
 
 @njit(inline="always", **LEAF)
-def section(q, dq, K, kappa0, G):
-    """Strain, moment, tangent, the density's gradients by q and dq at a point; |q|^2, -G.t, m.kappa."""
+def strain(q, dq, K, natural, G):
+    """Strain, moment, tangent, the density's gradients by q and dq at a point; |q|^2, -G.t, m.kappa.
+
+    Args:
+        q, dq: (4,) quaternion of any length and its derivative by the arc length.
+        K, natural: (3,) of `Section`.
+        G: (3,) internal force, EI / L^2.
+    """
     w, x, y, z = q[0], q[1], q[2], q[3]
     dw, dx, dy, dz = dq[0], dq[1], dq[2], dq[3]
     n = w * w + x * x + y * y + z * z
@@ -40,9 +49,9 @@ def section(q, dq, K, kappa0, G):
         u * (w * dy - dw * y - z * dx + x * dz),
         u * (w * dz - dw * z - x * dy + y * dx),
     )
-    a = K[0] * (kappa[0] - kappa0[0])
-    b = K[1] * (kappa[1] - kappa0[1])
-    c = K[2] * (kappa[2] - kappa0[2])
+    a = K[0] * (kappa[0] - natural[0])
+    b = K[1] * (kappa[1] - natural[1])
+    c = K[2] * (kappa[2] - natural[2])
     t = u * (x * z + w * y), u * (y * z - w * x), i * (w * w - x * x - y * y + z * z)
     T = -(G[0] * t[0] + G[1] * t[1] + G[2] * t[2])
     mk = a * kappa[0] + b * kappa[1] + c * kappa[2]
@@ -64,9 +73,15 @@ def section(q, dq, K, kappa0, G):
 
 @njit(**LEAF)
 def interpolate(q, F, f, h, s0, points, by_point, lanes):
-    """Frame, slope and force at all points, side by side: `lanes` (blocks + 1, ROWS * LANES).
+    """Frame, slope and force at all points, side by side, in `lanes` (blocks + 1, ROWS * LANES).
 
     A block holds LANES points of one element, number by number.
+
+    Args:
+        q, F, f: as in `gradient`.
+        h, s0: of `Grid`.
+        points, by_point: of `Tables`.
+        lanes: see `workspace`.
     """
     blocks, order = by_point.shape[1], by_point.shape[2] - 1
     width = by_point.shape[3]
@@ -84,40 +99,51 @@ def interpolate(q, F, f, h, s0, points, by_point, lanes):
                     v[LANES + k] += n * x
                     v[2 * LANES + k] += n * y
                     v[3 * LANES + k] += n * z
-                    v[4 * LANES + k] += d * w
-                    v[5 * LANES + k] += d * x
-                    v[6 * LANES + k] += d * y
-                    v[7 * LANES + k] += d * z
+                    v[SLOPE * LANES + k] += d * w
+                    v[(SLOPE + 1) * LANES + k] += d * x
+                    v[(SLOPE + 2) * LANES + k] += d * y
+                    v[(SLOPE + 3) * LANES + k] += d * z
             for k in range(min(LANES, points.shape[0] - b * LANES)):
                 rest = 1.0 - s0[e] - h[e] * points[b * LANES + k]
                 for a in range(3):
-                    v[(8 + a) * LANES + k] = F[e, a] + rest * f[a]
+                    v[(FORCE + a) * LANES + k] = F[e, a] + rest * f[a]
 
 
 @njit(**LEAF)
-def sections(lanes, K, kappa0):
-    """`section` at every point of `interpolate`, side by side; the last block is not one of them.
+def sections(lanes, K, natural):
+    """`strain` at every point of `interpolate`, side by side; the last block is not one of them.
 
-    The rows receive the density's gradient by q (4) and dq (4), tangent (3), elastic energy and twist.
+    In `lanes` the gradient of the density by q and by dq takes the place of frame and slope, the tangent that
+    of the force, then follow elastic energy and twist. `K`, `natural`: of `Section`.
     """
-    K, kappa0 = (K[0], K[1], K[2]), (kappa0[0], kappa0[1], kappa0[2])
+    K, natural = (K[0], K[1], K[2]), (natural[0], natural[1], natural[2])
     for block in range(lanes.shape[0] - 1):
         v = lanes[block]
         for k in range(LANES):
             q = v[k], v[LANES + k], v[2 * LANES + k], v[3 * LANES + k]
-            dq = v[4 * LANES + k], v[5 * LANES + k], v[6 * LANES + k], v[7 * LANES + k]
-            G = v[8 * LANES + k], v[9 * LANES + k], v[10 * LANES + k]
-            kappa, m, t, gq, gd, _, _, mk = section(q, dq, K, kappa0, G)
+            s = SLOPE * LANES + k
+            dq = v[s], v[s + LANES], v[s + 2 * LANES], v[s + 3 * LANES]
+            r = FORCE * LANES + k
+            G = v[r], v[r + LANES], v[r + 2 * LANES]
+            kappa, m, t, gq, gd, _, _, mk = strain(q, dq, K, natural, G)
             v[k], v[LANES + k], v[2 * LANES + k], v[3 * LANES + k] = gq
-            v[4 * LANES + k], v[5 * LANES + k], v[6 * LANES + k], v[7 * LANES + k] = gd
-            v[8 * LANES + k], v[9 * LANES + k], v[10 * LANES + k] = t
-            v[11 * LANES + k] = 0.5 * (mk - m[0] * kappa0[0] - m[1] * kappa0[1] - m[2] * kappa0[2])
-            v[12 * LANES + k] = kappa[2]
+            v[s], v[s + LANES], v[s + 2 * LANES], v[s + 3 * LANES] = gd
+            v[r], v[r + LANES], v[r + 2 * LANES] = t
+            v[ELASTIC * LANES + k] = 0.5 * (mk - m[0] * natural[0] - m[1] * natural[1] - m[2] * natural[2])
+            v[TURN * LANES + k] = kappa[2]
 
 
 @njit(**LEAF)
 def integrate(lanes, f, h, s0, points, weights, totals):
-    """Sum over the points of `sections`: end position (3), energy and twist in `totals`."""
+    """Sum over the points of `sections`: end position (3), energy and twist in `totals` (5,).
+
+    Args:
+        lanes: as `sections` leaves them.
+        f: (3,) load per length.
+        h, s0: of `Grid`.
+        points, weights: of `Tables`.
+        totals: of `Evaluation`, overwritten.
+    """
     blocks = lanes.shape[0] // h.shape[0]
     t0, t1, t2, energy, twist = 0.0, 0.0, 0.0, 0.0, 0.0
     for e in range(h.shape[0]):
@@ -125,18 +151,25 @@ def integrate(lanes, f, h, s0, points, weights, totals):
             v = lanes[e * blocks + k // LANES, k % LANES :]
             wh = weights[k] * h[e]
             rest = 1.0 - s0[e] - h[e] * points[k]
-            x, y, z = wh * v[8 * LANES], wh * v[9 * LANES], wh * v[10 * LANES]
+            x, y, z = wh * v[FORCE * LANES], wh * v[(FORCE + 1) * LANES], wh * v[(FORCE + 2) * LANES]
             t0 += x
             t1 += y
             t2 += z
-            energy += wh * v[11 * LANES] - rest * (f[0] * x + f[1] * y + f[2] * z)
-            twist += wh * v[12 * LANES]
-    totals[0], totals[1], totals[2], totals[3], totals[4] = t0, t1, t2, energy, twist
+            energy += wh * v[ELASTIC * LANES] - rest * (f[0] * x + f[1] * y + f[2] * z)
+            twist += wh * v[TURN * LANES]
+    totals[0], totals[1], totals[2], totals[ENERGY], totals[TWIST] = t0, t1, t2, energy, twist
 
 
 @njit(**LEAF)
 def assemble(lanes, h, by_node, acc):
-    """Add the gradient by the nodal quaternions, acc (n, 4), from those at the points of `sections`."""
+    """Add the gradient by the nodal quaternions, acc (n, 4), from those at the points of `sections`.
+
+    Args:
+        lanes: as `sections` leaves them; the last block is used up.
+        h: (m,) lengths of the elements.
+        by_node: of `Tables`.
+        acc: (n, 4), see `Evaluation`.
+    """
     blocks = lanes.shape[0] // h.shape[0]
     sums = lanes[lanes.shape[0] - 1]
     count, width = by_node.shape[1], by_node.shape[2]
@@ -146,7 +179,8 @@ def assemble(lanes, h, by_node, acc):
         for k in range(count):
             v = lanes[e * blocks + k // LANES, k % LANES :]
             w, x, y, z = h[e] * v[0], h[e] * v[LANES], h[e] * v[2 * LANES], h[e] * v[3 * LANES]
-            dw, dx, dy, dz = v[4 * LANES], v[5 * LANES], v[6 * LANES], v[7 * LANES]
+            dw, dx = v[SLOPE * LANES], v[(SLOPE + 1) * LANES]
+            dy, dz = v[(SLOPE + 2) * LANES], v[(SLOPE + 3) * LANES]
             for i in range(width):
                 n, d = by_node[0, k, i], by_node[1, k, i]
                 sums[i] += n * w + d * dw
@@ -159,11 +193,17 @@ def assemble(lanes, h, by_node, acc):
 
 
 @njit(**LEAF)
-def second(q, dq, K, G, kappa, moment, gq, gd, n, T, mk, weight, k8, H):
+def second(q, dq, G, density, weight, k8, H):
     """Second derivative of the density by (q, q'), times the weight: k8^T K k8 + H.
 
-    `k8` (3, 8): derivative of the strain, times the weight's root; `H` (8, 8): all else.
+    Args:
+        q, dq, G: `strain`'s.
+        density: what `strain` returns there.
+        weight: of the quadrature.
+        k8: (3, 8) receives the derivative of the strain, times the weight's root.
+        H: (8, 8) receives all else.
     """
+    kappa, moment, _, gq, gd, n, T, mk = density
     w, x, y, z = q[0], q[1], q[2], q[3]
     dw, dx, dy, dz = dq[0], dq[1], dq[2], dq[3]
     i2 = 2.0 / n
@@ -200,50 +240,37 @@ def second(q, dq, K, G, kappa, moment, gq, gd, n, T, mk, weight, k8, H):
             H[i, j] = H[j, i]
 
 
-@njit(**LEAF)
-def tangent_derivative(q, t, weight, D, C, first, count):
-    """Add the tangent's derivative along `count` columns of D to C (3, ...) from column `first` on.
-
-    Component a is (2 / n) (S_a q - t_a q), with t_a = q.S_a q / n; `weight` comes with the 2 / n.
-    """
-    w, x, y, z = weight * q[0], weight * q[1], weight * q[2], weight * q[3]
-    for j in range(count):
-        p0, p1, p2, p3 = D[0, j], D[1, j], D[2, j], D[3, j]
-        pq = p0 * w + p1 * x + p2 * y + p3 * z
-        C[0, first + j] += p0 * y + p1 * z + p2 * w + p3 * x - t[0] * pq
-        C[1, first + j] += -p0 * x - p1 * w + p2 * z + p3 * y - t[1] * pq
-        C[2, first + j] += p0 * w - p1 * x - p2 * y + p3 * z - t[2] * pq
-
-
-@njit(**LEAF)
-def increments(q, c, out):
-    """Derivative (4, 3) of the quaternion q by its rotation vector, into the columns from c on of `out`."""
-    w, x, y, z = 0.5 * q[0], 0.5 * q[1], 0.5 * q[2], 0.5 * q[3]
-    out[0, c], out[1, c], out[2, c], out[3, c] = -x, w, z, -y
-    out[0, c + 1], out[1, c + 1], out[2, c + 1], out[3, c + 1] = -y, -z, w, x
-    out[0, c + 2], out[1, c + 2], out[2, c + 2], out[3, c + 2] = -z, y, -x, w
-
-
 @njit(**OPTIONS)
-def workspace(h, tables):
-    """The `lanes` that `gradient` works in: a block for every LANES points of an element, and one more."""
-    return np.empty((h.shape[0] * tables[6].shape[1] + 1, ROWS * LANES))
+def workspace(h, by_point):
+    """The `lanes` that `gradient` works in: a block for every LANES points of an element, and one more.
+
+    Args:
+        h: (m,) lengths of the elements.
+        by_point: of `Tables`.
+    """
+    return np.empty((h.shape[0] * by_point.shape[1] + 1, ROWS * LANES))
 
 
 @njit(**LEAF)
-def gradient(q, F, f, K, kappa0, h, s0, tables, lanes, acc, g, radial, totals):
-    """Gradient g (n, 3) of the Lagrangian at the nodes and, in `totals`, end position (3), energy, twist.
+def gradient(q, F, f, section, grid, evaluation):
+    """Gradient of the Lagrangian at the nodes, end position, energy and twist, all in `evaluation`.
 
-    `F` (elements, 3): the constant part of the internal force, the end force plus the point forces on later
-    elements. `acc` (n, 4) comes with what else pulls at the nodal quaternions, zero without, and is used up.
-    `radial` (n,) receives a quarter of the derivative along each nodal quaternion itself, the curvature of
-    the unit sphere that the Hessian needs. Energy is that of the free cable: elastic minus weight.
+    Energy is that of the free cable: elastic minus weight.
+
+    Args:
+        q: (n, 4) nodal frames.
+        F: (m, 3) the constant part of the internal force: the end force plus the point forces on later
+            elements, EI / L^2.
+        f: (3,) load per length, EI / L^3.
+        section, grid: `Section` and `Grid`.
+        evaluation: `Evaluation`; `acc` comes with what else pulls at the nodal quaternions, zero without.
     """
-    points, weights, by_point, by_node = tables[4:]
-    interpolate(q, F, f, h, s0, points, by_point, lanes)
-    sections(lanes, K, kappa0)
-    integrate(lanes, f, h, s0, points, weights, totals)
-    assemble(lanes, h, by_node, acc)
+    acc, g, radial, totals, lanes = evaluation
+    h, s0, tables = grid
+    interpolate(q, F, f, h, s0, tables.points, tables.by_point, lanes)
+    sections(lanes, section.K, section.natural)
+    integrate(lanes, f, h, s0, tables.points, tables.weights, totals)
+    assemble(lanes, h, tables.by_node, acc)
     for i in range(q.shape[0]):
         w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
         a, b, c, d = acc[i, 0], acc[i, 1], acc[i, 2], acc[i, 3]
@@ -254,14 +281,21 @@ def gradient(q, F, f, K, kappa0, h, s0, tables, lanes, acc, g, radial, totals):
 
 
 @njit(**OPTIONS)
-def hessian(q, F, f, K, kappa0, h, s0, tables, radial, elastic, geometric, parts, C):
+def hessian(q, F, f, section, grid, radial, tangents):
     """Hessian of the Lagrangian in lower band storage, in two parts, and the end position's derivative.
 
-    `elastic` and `geometric` (3n, b + 1) hold row i, column j at [i, b + j - i], b = 3 (order + 1) - 1; the
-    Hessian is their sum. `parts` (elements, 3, 3 (order + 1)) is the derivative of the way that each element
-    goes, `C` (3, 3n) that of the end position, their sum. `F` and `radial` are `gradient`'s.
+    `elastic` and `geometric` hold row i, column j at [i, b - 1 + j - i]; the Hessian is their sum.
+
+    Args:
+        q, F, f, section, grid: as in `gradient`.
+        radial: (n,) of the `Evaluation` at q.
+        tangents: `Tangents`, overwritten.
     """
-    N, dN, N3, dN3, points, weights = tables[:6]
+    K, natural = section
+    h, s0, tables = grid
+    N, dN, N3, dN3 = tables.values, tables.slopes, tables.values3, tables.slopes3
+    points, weights = tables.points, tables.weights
+    elastic, geometric, parts, C = tangents
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     wide = (nd + 7) // 8 * 8  # whole vectors: the inner loops run over zeros rather than remainders
@@ -303,9 +337,10 @@ def hessian(q, F, f, K, kappa0, h, s0, tables, radial, elastic, geometric, parts
             rest = 1.0 - s0[e] - h[e] * points[k]
             for a in range(3):
                 G[a] = F[e, a] + rest * f[a]
-            kappa, moment, t, gq, gd, n, T, mk = section(qs, ds, K, kappa0, G)
+            density = strain(qs, ds, K, natural, G)
+            t, n = density[2], density[5]
             wh = weights[k] * h[e]
-            second(qs, ds, K, G, kappa, moment, gq, gd, n, T, mk, wh, k8, H)
+            second(qs, ds, G, density, wh, k8, H)
             for c in range(3):
                 b0, b1, b2, b3 = k8[c, 0], k8[c, 1], k8[c, 2], k8[c, 3]
                 b4, b5, b6, b7 = k8[c, 4], k8[c, 5], k8[c, 6], k8[c, 7]

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: what is known about a solution beyond its numbers: stability margin and error estimate.
-
-The arrays are those of `Rod` (rod.py); `fine` and `bubble` are `elements.enrichment`.
-"""
+"""Compiled: what is known about a solution beyond its numbers: stability margin and error estimate."""
 
 from __future__ import annotations
 
@@ -10,38 +7,49 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.linalg import banded
-from cable_ros.linalg.bordered import border_solve, border_step, complement_factors, end_rows, solve3
-from cable_ros.rod.energy_kernels import increments, second, section, tangent_derivative
+from cable_ros.linalg.bordered import Factors, border_solve, border_step, complement_factors, end_rows, solve3
+from cable_ros.rod.centreline import increments, tangent_derivative
+from cable_ros.rod.energy_kernels import second, strain
+from cable_ros.rod.rod_state import Tables, system_of
 from cable_ros.rod.units import norm3, relative_change
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
-STIR = 0.1
-"""So much of what has nothing to do with the last softest mode is in the start of the search for the next."""
+ADMIXTURE = 0.1
+"""Weight of a start vector that knows nothing of the last softest mode, in the search for the next."""
 
 
 @njit(**OPTIONS)
-def margin(elastic, V, rows, order, L, pivots, Y, S, mode, waves, repeats):
+def margin(elastic, V, count, order, factors, mode, start_vector, repeats):
     """Smallest eigenvalue of H v = lambda D v on the tangent space, D elastic, by inverse iteration.
 
-    `mode` (3n,) is the start, mixed with a little of `waves` (3n,) so that no symmetry hides a mode, and
-    receives the eigenvector; ends when the value changes by less than 1e-4 of itself. Only for a factored
-    strict minimum.
+    Ends once the value changes by less than 1e-4 of itself. Only for a factored strict minimum.
+
+    Args:
+        elastic: (3n, b) of `Tangents`.
+        V: (rows, 3n) constraint rows.
+        count: number of rows.
+        order: of the elements.
+        factors: fields of `bordered.Factors`, as a plain tuple, as `bordered.border_factor` leaves them.
+        mode: (3n,) start of the search, which receives the eigenvector.
+        start_vector: (3n,) of which a little is added to the start, so that no symmetry hides a mode.
+        repeats: maximum number of iterations.
     """
+    factors = Factors(*factors)
     n = mode.shape[0]
     x = np.empty(n)
     y = np.empty(n)
-    zero = np.zeros(rows)
-    dF = np.empty(rows)
+    zero = np.zeros(count)
+    dF = np.empty(count)
     value = np.inf
     for i in range(n):
-        mode[i] += STIR * waves[i]
+        mode[i] += ADMIXTURE * start_vector[i]
     banded.multiply(elastic, mode, y)
-    factors, swaps = complement_factors(S, rows)
+    small, swaps = complement_factors(factors.S, count)
     for _ in range(repeats):
         for i in range(n):
             y[i] = -y[i]
-        border_solve(y, zero, V, rows, order, L, pivots, Y, factors, swaps, x, dF)
+        border_solve(y, zero, V, order, factors, small, swaps, x, dF)
         top = 0.0
         for i in range(n):
             top -= x[i] * y[i]
@@ -60,20 +68,33 @@ def margin(elastic, V, rows, order, L, pivots, Y, S, mode, waves, repeats):
 
 
 @njit(**OPTIONS)
-def error(
-    q, Fe, re, f, K, kappa0, h, s0, fine, bubble,
-    elastic, geometric, V, rows, lines, upto, coarse, L, pivots, Y, S, g, residual, shares,
-):  # fmt: skip
+def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, estimate):
     """First-order change (6,) of end force and end moment when every element gets one order more.
 
-    The enriched space adds one polynomial an element (`bubble`: its values and slopes at the points of
-    `fine`), which is eliminated there; the rest is one solve with the factors at hand. `g` (n, 3) is the
-    solution's own gradient, `Fe` as in `gradient`, `residual` (3n,) comes with what point forces inside
-    elements pull. Rows of V beyond the third read the position after `upto` (rows,) elements along `lines`
-    (rows, 3), which is now at `coarse` (elements + 1, 3). `shares` (elements,) receives each element's part
-    in energy norm squared, for refinement.
+    The enriched space adds one polynomial an element, which is eliminated there; the rest is one solve with
+    the factors at hand.
+
+    Args:
+        q: (n, 4) nodal frames.
+        Fe: (m, 3) constant part of the internal force, see `energy_kernels.gradient`.
+        conditions: fields of `Conditions`, as a plain tuple, see `entry_points`; so are the next ones.
+        section, grid: of `Section` and `Grid`.
+        enrichment: of `Enrichment`.
+        system: of `System` at the equilibrium, factored.
+        rows: of `ConstraintRows`, those beyond the third of contact points.
+        count: number of rows.
+        estimate: of `Estimate`.
     """
-    N, dN, _, _, points, weights = fine[:6]
+    _, re, f = conditions
+    K, natural = section
+    h, s0, _ = grid
+    fine, bubble = enrichment
+    tables = Tables(*fine)
+    system = system_of(system)
+    N, dN, points, weights = tables.values, tables.slopes, tables.points, tables.weights
+    g = system.evaluation.g
+    V, _, _, lines, upto = rows
+    boundaries, residual, shares = estimate
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     n = 3 * q.shape[0]
@@ -90,8 +111,8 @@ def error(
     Hbc = np.empty((3, nd))
     Cb = np.zeros((3, 3))
     rb = np.empty(3)
-    strain, x = np.empty(3), np.empty(3)
-    c = np.zeros(rows)
+    change, x = np.empty(3), np.empty(3)
+    c = np.zeros(count)
     for a in range(3):
         c[a] = -re[a]
     for e in range(h.shape[0]):
@@ -122,17 +143,18 @@ def error(
             rest = 1.0 - s0[e] - h[e] * points[k]
             for a in range(3):
                 G[a] = Fe[e, a] + rest * f[a]
-            kappa, moment, t, gq, gd, norm, T, mk = section(qs, ds, K, kappa0, G)
+            density = strain(qs, ds, K, natural, G)
+            t, gq, gd, norm = density[2], density[3], density[4], density[5]
             wh = weights[k] * h[e]
-            second(qs, ds, K, G, kappa, moment, gq, gd, norm, T, mk, wh, k8, H)
+            second(qs, ds, G, density, wh, k8, H)
             for b in range(3):
                 for i in range(3):
                     v = 0.0
                     for a in range(8):
                         v += k8[i, a] * Db[a, b]
-                    strain[i] = K[i] * v
+                    change[i] = K[i] * v
                 for a in range(8):
-                    v = strain[0] * k8[0, a] + strain[1] * k8[1, a] + strain[2] * k8[2, a]
+                    v = change[0] * k8[0, a] + change[1] * k8[1, a] + change[2] * k8[2, a]
                     for i in range(8):
                         v += Db[i, b] * H[i, a]
                     Z[b, a] = v
@@ -171,24 +193,31 @@ def error(
                 residual[3 * first + j] -= Hbc[b, j] * x[b]
             for a in range(3):
                 c[a] -= Cb[a, b] * x[b]
-        for i in range(3, rows):
+        for i in range(3, count):
             if upto[i] == e + 1:
                 for a in range(3):
-                    c[i] += lines[i, a] * (c[a] + re[a] - coarse[e + 1, a])
+                    c[i] += lines[i, a] * (c[a] + re[a] - boundaries[e + 1, a])
     s = np.empty(n)
-    dF = np.empty(rows)
-    border_step(residual, c, V, rows, order, L, pivots, Y, S, s, dF)
-    change = end_rows(elastic, geometric, V, rows, s, dF)
+    dF = np.empty(count)
+    border_step(residual, c, V, count, order, system.factors, s, dF)
+    at_end = end_rows(system.tangents, V, count, s, dF)
     out = np.empty(6)
     for a in range(3):
         out[a] = dF[a]
-        out[3 + a] = residual[n - 3 + a] + change[a] - g[q.shape[0] - 1, a]
+        out[3 + a] = residual[n - 3 + a] + at_end[a] - g[q.shape[0] - 1, a]
     return out
 
 
 @njit(**OPTIONS)
 def relative_error(change, F, moment, shares, least):
-    """The estimated relative error of an end wrench F (3,), `moment` (3,) from what `error` found."""
+    """The estimated relative error of an end wrench, see `units.relative_change`.
+
+    Args:
+        change: (6,) from `error`.
+        F, moment: (3,) end force and moment.
+        shares: (m,) of `Estimate`.
+        least: wrench that counts as nothing.
+    """
     wrench = np.empty(6)
     for a in range(3):
         wrench[a], wrench[3 + a] = F[a], moment[a]

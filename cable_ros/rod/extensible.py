@@ -5,33 +5,32 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from functools import cache
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from cable_ros.linalg.bordered import NEUTRAL
-from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod import entry_points, quaternion, warm_step
 from cable_ros.rod.clamp_stiffness import clamp_response
-from cable_ros.rod.elements import Mesh, Sampling
-from cable_ros.rod.extensible_kernels import stretch_gradient, stretch_polyline
-from cable_ros.rod.extensible_step import advance_stretching, moments, stretch_factor, stretch_linearize
+from cable_ros.rod.elements import Mesh
+from cable_ros.rod.extensible_kernels import stretch_polyline
+from cable_ros.rod.extensible_step import advance_stretching, moments
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import ENERGY, TWIST, Tables
 from cable_ros.solve.trust_region import Options
 
 Conditions = tuple[np.ndarray, np.ndarray, np.ndarray]
 """End frame, end position and load, as `Rod.set_conditions` takes them."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 SLACK = 0.95
-"""A cold start begins with the clamps no farther apart than this, parts of the length, and inextensible."""
+"""Maximum distance of the clamps, L, at which a cold start begins, with an inextensible rod."""
 KICKS = (0.3, -0.3, 1.0, -1.0)
-"""rad; how far along the softest mode a descent is started where a branch has ended."""
+"""Rotations, rad, along the softest mode from which a descent starts where a branch has ended."""
 PUSH = 10.0
 """EI / L^3; a load per length that bends the cable as far as it can."""
 SHORT = 0.7
-"""A cable may be pressed together to this part of its length."""
+"""Minimum length of a compressed cable, L."""
 SHORTEST = 1e-3
-"""Smallest part of the way from there before it counts as barred."""
+"""Minimum step of a continuation, fraction of the path."""
 
 
 class StretchingRod(Rod):
@@ -67,34 +66,33 @@ class StretchingRod(Rod):
         new.set_conditions(self.qe, self.re, self.f / scale)
         return new
 
+    @property
+    def stretching(self) -> tuple[np.ndarray, ...]:
+        """`rod_state.Stretch`."""
+        return self.compliance, self.reach, self.stretch
+
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        stretch_linearize(
-            x, y, self.f, self.K, self.natural, self.compliance, self.h, self.s0, self.tables,
-            self.elastic, self.geometric, self.parts, self.C, self.reach,
-            self.acc, self.g, self.radial, self.totals, self.stretch, True,
-        )  # fmt: skip
+        entry_points.stretch_linearize(
+            x, y, self.f, self.section, self.stretching, self.grid, self.saddle, True
+        )
         g = self.g.ravel().copy()
         g[:3] = g[-3:] = 0.0
-        return float(self.totals[3]), self.totals[:3] - self.re, g
+        return float(self.totals[ENERGY]), self.totals[:ENERGY] - self.re, g
 
     def factor(self, mu: float) -> bool:
-        self.drift = 0.0
-        return stretch_factor(self.elastic, self.geometric, self.C, self.reach, mu, self.mesh.element.order,
-                              self.A, self.L, self.pivots, self.Y, self.S)  # fmt: skip
+        self.rotation = 0.0
+        return entry_points.stretch_factor(self.saddle, self.reach, mu, self.mesh.element.order)
 
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float = 0.6, obstacles: np.ndarray | None = None,
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         q_new, F_new = np.empty_like(q), np.empty(3)
-        code, iterations, self.age, fresh = advance_stretching(
-            q, F, qe, re, f, self.K, self.natural, self.compliance, self.h, self.s0, self.tables,
-            self.elastic, self.geometric, self.parts, self.C, self.reach,
-            self.A, self.L, self.pivots, self.Y, self.S,
-            self.acc, self.g, self.radial, self.totals, self.stretch,
-            tolerance, limit, self.drift, self.refresh, q_new, F_new,
+        code, iterations, self.rotation_before, fresh = advance_stretching(
+            q, F, (qe, re, f), self.section, self.stretching, self.grid, self.saddle,
+            (tolerance, limit, self.rotation, self.refactor_at), q_new, F_new,
         )  # fmt: skip
-        self.drift = 0.0 if fresh else self.age
+        self.rotation = 0.0 if fresh else self.rotation_before
         if code == warm_step.ADVANCED:
             self.set_conditions(qe, re, f)
         return code, iterations, q_new, F_new
@@ -102,7 +100,7 @@ class StretchingRod(Rod):
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """As `Rod.minimum`: near (q, F) by Newton's method, otherwise by way of the inextensible rod.
+        """As `Rod.minimum`: near (q, F) by Newton's method, otherwise from the inextensible rod.
 
         Where the branch of (q, F) ends, that of the inextensible rod may not yet: the descent then starts
         beside it, along the softest mode.
@@ -113,23 +111,23 @@ class StretchingRod(Rod):
             code, count, q_new, F_new = self.advance(q, F, self.qe, self.re, self.f, options.step_tolerance)
             if code == warm_step.ADVANCED and self.refactor(q_new, F_new):
                 return q_new, F_new, count
-        mode, energy = self.mode / max(float(np.abs(self.mode).max()), 1e-300), float(self.totals[3])
+        mode, energy = self.mode / max(float(np.abs(self.mode).max()), 1e-300), float(self.totals[ENERGY])
         for kick in (0.0, *KICKS):
             found = self._descend(self.retract(q, kick * mode), F, options)
-            if found is not None and self.totals[3] <= energy + 1e-6 * (1.0 + abs(energy)):
+            if found is not None and self.totals[ENERGY] <= energy + 1e-6 * (1.0 + abs(energy)):
                 return found
         return None
 
     def _descend(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
-        """By way of the inextensible rod from q, or of the straight one: that first where the rod is taut."""
+        """By continuation from the inextensible rod or, first if the rod is taut, from the straight one."""
         chord = max(float(np.linalg.norm(self.re)), 1e-12)
         if chord > SLACK and (found := self._from_straight(q, options.step_tolerance)):
             return found
         start = self.re * min(1.0, SLACK / chord)
         across = np.cross(start, np.eye(3)[np.argmin(np.abs(start))])
-        # a straight cable that is pulled taut passes its buckling load; a push from the side takes it round
+        # a straight cable that is pulled taut passes its buckling load; a push sideways guides it past that
         for push in (np.zeros(3), PUSH * across / max(float(np.linalg.norm(across)), 1e-12)):
             stiff = Rod(self.mesh, self.K, self.natural)
             stiff.set_conditions(self.qe, start, self.f + push)
@@ -151,18 +149,18 @@ class StretchingRod(Rod):
         end = quaternion.multiply(quaternion.between(tangent, self.re / chord), self.qe)
         apart = quaternion.multiply(quaternion.conjugate(start), end)
         twist = 2.0 * np.arctan2(apart[3], apart[0])
-        twist += 2.0 * np.pi * np.round((self.totals[4] - twist) / (2.0 * np.pi))
+        twist += 2.0 * np.pi * np.round((self.totals[TWIST] - twist) / (2.0 * np.pi))
         half = 0.5 * twist * self.mesh.nodes
         q = np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=1)
         F = np.array([0.0, 0.0, (chord - 1.0) / max(self.compliance[2], 1e-12)])
         rod = self.variant()
 
         def conditions(t: float) -> Conditions:
-            back = quaternion.conjugate(quaternion.part(start, IDENTITY, t))
-            there = quaternion.multiply(back, quaternion.part(end, self.qe, t))
+            back = quaternion.conjugate(quaternion.slerp(start, IDENTITY, t))
+            there = quaternion.multiply(back, quaternion.slerp(end, self.qe, t))
             return there, quaternion.rotate(back, self.re), t * quaternion.rotate(back, self.f)
 
-        found = _walk(rod, q, F, conditions, tolerance)
+        found = _continuation(rod, q, F, conditions, tolerance)
         return found if found is not None and self.refactor(*found[:2]) else None
 
     def _soften(
@@ -198,7 +196,7 @@ class StretchingRod(Rod):
                 rod.compliance = target[:3].copy()
                 return self.qe, target[3:6], target[6:]
 
-            found = _walk(rod, q, F, conditions, tolerance)
+            found = _continuation(rod, q, F, conditions, tolerance)
             if found is None:
                 return None
             q, F, count = found
@@ -209,24 +207,22 @@ class StretchingRod(Rod):
         self,
         q: np.ndarray,
         F: np.ndarray,
-        table: Sampling,
+        table: tuple[np.ndarray, ...],
         start: np.ndarray,
         length: float,
         points: np.ndarray,
     ) -> None:
-        """Add the way of the stretch to the world `points` (m, 3) of `output.polyline`."""
-        places = _gauss(len(table.quadrature))
-        stretch_polyline(q, F, self.f, self.compliance, self.h, self.s0, table.element, table.weights,
-                         table.quadrature, places, start, length, points)  # fmt: skip
+        """Add the displacement by the stretch to the world `points` (m, 3) of `output.polyline`.
+
+        `table` has the fields of `rod_state.Sampling`.
+        """
+        mesh = self.h, self.s0
+        stretch_polyline(q, (F, self.f), self.compliance, mesh, table, start, length, points)
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         self.linearize(q, F)
         self.factor(-NEUTRAL)  # without what is added for stability's sake
-        plain = clamp_response(
-            q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables,
-            self.elastic, self.geometric, self.C, self.mesh.element.order, self.L, self.pivots, self.Y,
-            self.S, self.g,
-        )  # fmt: skip
+        plain = clamp_response(q, F, (self.qe, self.re, self.f), self.grid, self.saddle)
         # what the load adds by the stretch, when it turns against a start clamp that turns
         return plain + self._turning_load(q, F)
 
@@ -241,55 +237,38 @@ class StretchingRod(Rod):
             more, less = (self._stretch(q, F, self.f + half * turned, self.tables) for half in (0.5, -0.5))
             right, c = more[0] - less[0], more[1] - less[1]
             s, dF = np.empty(self.g.size), np.empty(3)
-            warm_step.saddle_step(right, c, self.C, order, self.L, self.pivots, self.Y, self.S, s, dF)
-            out[:, 3 + k] = -moments(right, s, dF, self.qe, self.elastic, self.geometric, self.C)
+            entry_points.saddle_step(right, c, order, self.saddle, s, dF)
+            out[:, 3 + k] = -moments(right, s, dF, self.qe, self.saddle[1])
         return out
 
     def _stretch(
-        self, q: np.ndarray, F: np.ndarray, f: np.ndarray, tables: tuple[np.ndarray, ...]
+        self, q: np.ndarray, F: np.ndarray, f: np.ndarray, tables: Tables
     ) -> tuple[np.ndarray, np.ndarray]:
         """What the stretch adds to the gradient (3n,) and to the end position (3,) under the load f."""
-        N, _, _, _, points, weights = tables[:6]
         acc, totals = np.zeros_like(self.acc), np.empty(4)
-        stretch_gradient(
-            q,
-            warm_step.spread(F, self.h),
-            f,
-            self.compliance,
-            self.h,
-            self.s0,
-            N,
-            points,
-            weights,
-            acc,
-            totals,
-        )
+        grid = self.h, self.s0, tuple(tables)
+        stretch = self.compliance, self.reach, totals
+        entry_points.stretch_gradient(q, warm_step.spread(F, self.h), f, grid, stretch, acc)
         w, x, y, z = q.T
         a, b, c, d = acc.T
         g = 0.5 * np.stack([-x * a + w * b + z * c - y * d, -y * a - z * b + w * c + x * d,
                             -z * a + y * b - x * c + w * d], axis=1)  # fmt: skip
-        return g.ravel(), totals[:3]
+        return g.ravel(), totals[:ENERGY]
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """As `Rod.wrench_error`; the added polynomials see the stretch at the solution only."""
-        pull, way = self._stretch(q, F, self.f, self.fine)
-        return self._wrench_error(q, F, self.re - way, pull)
+        pull, displacement = self._stretch(q, F, self.f, self.fine)
+        return self._wrench_error(q, F, self.re - displacement, pull)
 
 
-@cache
-def _gauss(count: int) -> np.ndarray:
-    """(count,) Gauss points on [0, 1]."""
-    return 0.5 * (legendre.leggauss(count)[0] + 1.0)
-
-
-def _walk(
+def _continuation(
     rod: StretchingRod,
     q: np.ndarray,
     F: np.ndarray,
     conditions: Callable[[float], Conditions],
     tolerance: float,
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """Follow the equilibrium (q, F) under conditions(0) to conditions(1); None where the way is barred."""
+    """Natural-parameter continuation of (q, F) from conditions(0) to conditions(1); None if it stops."""
     at, step, iterations = 0.0, 1.0, 0
     rod.set_conditions(*conditions(0.0))
     while at < 1.0:

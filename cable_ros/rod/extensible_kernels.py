@@ -15,14 +15,15 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.rod.energy_kernels import increments
+from cable_ros.rod.centreline import increments
+from cable_ros.rod.rod_state import ENERGY
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**OPTIONS)
 def axes(q, d):
-    """The section's axes as rows d (3, 3) of a quaternion q of any length; returns its squared length."""
+    """The section's axes as rows d (3, 3), of a quaternion q (4,) of any length; its squared length."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     n = w * w + x * x + y * y + z * z
     i = 1.0 / n
@@ -46,7 +47,9 @@ def axes(q, d):
 
 @njit(**OPTIONS)
 def forms(G, S):
-    """The symmetric matrices S (3, 4, 4) of the forces along the axes: b_a = q.S[a] q / |q|^2."""
+    """The symmetric matrices S (3, 4, 4) of the forces along the axes: b_a = q.S[a] q / |q|^2, with the force
+    G (3,).
+    """
     x, y, z = G[0], G[1], G[2]
     S[:] = 0.0
     S[0, 0, 0], S[0, 1, 1], S[0, 2, 2], S[0, 3, 3] = x, x, -x, -x
@@ -63,7 +66,13 @@ def forms(G, S):
 
 @njit(**OPTIONS)
 def local(q, G, S, d, b, slope):
-    """Axes d (3, 3), forces along them b (3,) and their derivatives by q, slope (3, 4); returns |q|^2."""
+    """Axes d (3, 3), forces along them b (3,) and their derivatives by q, slope (3, 4); returns |q|^2.
+
+    Args:
+        q: (4,) quaternion of any length.
+        G, S: (3,) force, and its `forms`.
+        d, b, slope: receive the results.
+    """
     n = axes(q, d)
     for a in range(3):
         b[a] = d[a, 0] * G[0] + d[a, 1] * G[1] + d[a, 2] * G[2]
@@ -76,12 +85,19 @@ def local(q, G, S, d, b, slope):
 
 
 @njit(**OPTIONS)
-def stretch_gradient(q, F, f, compliance, h, s0, N, points, weights, acc, totals):
-    """Add to acc (n, 4) what the stretch pulls at the nodal quaternions; totals (4,): end's way and energy.
+def stretch_gradient(q, F, f, grid, stretch, acc):
+    """What the stretch pulls at the nodal quaternions, and its displacement of the end and energy.
 
-    `F` (elements, 3) and the rest as in `energy_kernels.gradient`. The energy is that of the strain, less
-    what the weight loses by the stretch.
+    The energy is that of the strain, less what the weight loses by the stretch.
+
+    Args:
+        q, F, f, grid: as in `energy_kernels.gradient`.
+        stretch: `Stretch`; receives `totals`.
+        acc: (n, 4) to which the pull is added.
     """
+    h, s0, tables = grid
+    N, points, weights = tables.values, tables.points, tables.weights
+    compliance, _, totals = stretch
     order = N.shape[1] - 1
     qs, G, b = np.empty(4), np.empty(3), np.empty(3)
     S, d, slope = np.empty((3, 4, 4)), np.empty((3, 3)), np.empty((3, 4))
@@ -101,20 +117,28 @@ def stretch_gradient(q, F, f, compliance, h, s0, N, points, weights, acc, totals
             wh = weights[k] * h[e]
             for a in range(3):
                 pull = wh * compliance[a] * b[a]
-                totals[3] += 0.5 * pull * b[a]
+                totals[ENERGY] += 0.5 * pull * b[a]
                 for i in range(3):
                     totals[i] += pull * d[a, i]
-                    totals[3] -= rest * f[i] * pull * d[a, i]
+                    totals[ENERGY] -= rest * f[i] * pull * d[a, i]
                 for j in range(order + 1):
                     for i in range(4):
                         acc[first + j, i] -= N[k, j] * pull * slope[a, i]
 
 
 @njit(**OPTIONS)
-def stretch_hessian(q, F, f, compliance, h, s0, N, points, weights, geometric, parts, C, reach):
-    """Add the second derivatives to `geometric`, `parts` and `C` of `energy_kernels.hessian`; reach (3, 3) by
-    F.
+def stretch_hessian(q, F, f, grid, stretch, tangents):
+    """Add the second derivatives to those of `energy_kernels.hessian`.
+
+    Args:
+        q, F, f, grid: as in `energy_kernels.gradient`.
+        stretch: `Stretch`; receives `reach`.
+        tangents: `Tangents`, to which is added.
     """
+    h, s0, tables = grid
+    N, points, weights = tables.values, tables.points, tables.weights
+    compliance, reach, _ = stretch
+    _, geometric, parts, C = tangents
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     band = nd - 1
@@ -183,11 +207,20 @@ def stretch_hessian(q, F, f, compliance, h, s0, N, points, weights, geometric, p
 
 
 @njit(**OPTIONS)
-def stretch_polyline(q, F, f, compliance, h, s0, element, weights, quadrature, places, start, length, out_r):
-    """Add to the points out_r (m, 3) of `output.polyline` the way of the stretch, in the world.
+def stretch_polyline(q, forces, compliance, mesh, sampling, start, length, out_r):
+    """Add the displacement by the stretch to the points of `output.polyline`.
 
-    `places` (g,): where in its element each row of `quadrature` stands; the rest as there.
+    Args:
+        q, start, length: as in `output.polyline`.
+        forces: end force and load, (3,) each, EI / L^2 and EI / L^3.
+        compliance: (3,) of `Stretch`.
+        mesh: lengths of the elements and the arc lengths at which they start, (m,) each.
+        sampling: tuple of the fields of `rod_state.Sampling` of c points.
+        out_r: (c, 3) the points in the world, m.
     """
+    F, f = forces
+    h, s0 = mesh
+    element, _, weights, quadrature, points = sampling
     order = quadrature.shape[1] - 1
     count = element.shape[0]
     qs, G, b = np.empty(4), np.empty(3), np.empty(3)
@@ -196,7 +229,7 @@ def stretch_polyline(q, F, f, compliance, h, s0, element, weights, quadrature, p
     turn = np.empty(4)
     turn[0], turn[1], turn[2], turn[3] = start[6], start[3], start[4], start[5]
     axes(turn, world)
-    way = np.zeros(3)
+    shift = np.zeros(3)
     at = 0
     for e in range(h.shape[0]):
         for k in range(quadrature.shape[0]):
@@ -205,7 +238,7 @@ def stretch_polyline(q, F, f, compliance, h, s0, element, weights, quadrature, p
                 for j in range(order + 1):
                     qs[i] += quadrature[k, j] * q[e * order + j, i]
             axes(qs, d)
-            rest = 1.0 - s0[e] - h[e] * places[k]
+            rest = 1.0 - s0[e] - h[e] * points[k]
             for i in range(3):
                 G[i] = F[i] + rest * f[i]
                 u[k, i] = 0.0
@@ -215,7 +248,7 @@ def stretch_polyline(q, F, f, compliance, h, s0, element, weights, quadrature, p
                     u[k, i] += length * h[e] * b[a] * d[a, i]
         while at < count and element[at] == e:
             for i in range(3):
-                v = way[i]
+                v = shift[i]
                 for k in range(quadrature.shape[0]):
                     v += weights[at, k] * u[k, i]
                 for j in range(3):
@@ -223,4 +256,4 @@ def stretch_polyline(q, F, f, compliance, h, s0, element, weights, quadrature, p
             at += 1
         for i in range(3):
             for k in range(quadrature.shape[0]):
-                way[i] += weights[count, k] * u[k, i]
+                shift[i] += weights[count, k] * u[k, i]

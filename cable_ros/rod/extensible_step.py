@@ -1,80 +1,102 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: the warm-started step of a rod that stretches and shears, and what it is made of.
-
-The arrays are those of `StretchingRod` (stretching.py).
-"""
+"""Compiled: the warm-started step of a rod that stretches and shears, and what it is made of."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.linalg.bordered import negative3, schur
+from cable_ros.linalg.bordered import SINGULAR, end_coupling, end_rows, negative3, saddle_step, schur
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
-from cable_ros.rod.energy_kernels import gradient, hessian, workspace
+from cable_ros.rod.energy_kernels import gradient, hessian
 from cable_ros.rod.extensible_kernels import stretch_gradient, stretch_hessian
+from cable_ros.rod.rod_state import Section, Stretch, Tangents, grid_of, system_of
 from cable_ros.rod.warm_step import (
     ADVANCED,
+    LEAST_RATE,
     NOT_CONTRACTING,
     NOT_CONVEX,
+    SLOW,
     TOO_FAR,
     close,
     correct,
-    end_coupling,
-    end_rows,
     largest,
-    saddle_step,
     spread,
 )
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
+MOST_ITERATIONS = 16
+"""Maximum number of iterations; the first one predicts."""
+
 
 @njit(**OPTIONS)
-def stretch_linearize(
-    q, F, f, K, kappa0, compliance, h, s0, tables,
-    elastic, geometric, parts, C, reach, acc, g, radial, totals, stretch, full,
-):  # fmt: skip
-    """`energy_kernels.gradient` and, where `full`, `energy_kernels.hessian` with the stretch."""
-    N, points, weights = tables[0], tables[4], tables[5]
-    Fe = spread(F, h)
-    acc[:] = 0.0
-    stretch_gradient(q, Fe, f, compliance, h, s0, N, points, weights, acc, stretch)
-    gradient(q, Fe, f, K, kappa0, h, s0, tables, workspace(h, tables), acc, g, radial, totals)
-    for a in range(4):
-        totals[a] += stretch[a]
+def stretch_linearize(q, F, f, section, stretch, grid, system, full):
+    """`energy_kernels.gradient` and, if `full`, `energy_kernels.hessian` with the stretch.
+
+    Args:
+        q, F: (n, 4) nodal frames, (3,) end force.
+        f: (3,) load per length.
+        section, stretch, grid: `Section`, `Stretch` and `Grid`.
+        system: `System`; evaluation and tangents are overwritten.
+        full: whether to compute the second derivatives.
+    """
+    evaluation, tangents, _ = system
+    totals = evaluation.totals
+    Fe = spread(F, grid.h)
+    evaluation.acc[:] = 0.0
+    stretch_gradient(q, Fe, f, grid, stretch, evaluation.acc)
+    gradient(q, Fe, f, section, grid, evaluation)
+    for a in range(stretch.totals.shape[0]):
+        totals[a] += stretch.totals[a]
     if full:
-        hessian(q, Fe, f, K, kappa0, h, s0, tables, radial, elastic, geometric, parts, C)
-        stretch_hessian(q, Fe, f, compliance, h, s0, N, points, weights, geometric, parts, C, reach)
+        hessian(q, Fe, f, section, grid, evaluation.radial, tangents)
+        stretch_hessian(q, Fe, f, grid, stretch, tangents)
 
 
 @njit(**OPTIONS)
-def stretch_factor(elastic, geometric, C, reach, mu, order, A, L, pivots, Y, S):
+def stretch_factor(system, reach, mu, order):
     """`bordered.factor` with the reach in the Schur complement.
 
     With the strains eliminated, the inertia that tells a strict minimum stays the same.
+
+    Args:
+        system: `System`; the factors are overwritten.
+        reach: (3, 3) of `Stretch`.
+        mu, order: as in `bordered.factor`.
     """
-    negative, worst = schur(elastic, geometric, C, mu, order, A, L, pivots, Y, S)
+    _, tangents, factors = system
+    negative, worst = schur(tangents, mu, order, factors)
     for a in range(3):
         for b in range(3):
-            S[a, b] += reach[a, b]
-    return worst > 1e-11 and negative3(S) == negative
+            factors.S[a, b] += reach[a, b]
+    return worst > SINGULAR and negative3(factors.S) == negative
 
 
 @njit(**OPTIONS)
-def advance_stretching(
-    q, F, qe, re, f, K, kappa0, compliance, h, s0, tables,
-    elastic, geometric, parts, C, reach, A, L, pivots, Y, S, acc, g, radial, totals, stretch,
-    tolerance, limit, drift, refresh, q_new, F_new,
-):  # fmt: skip
+def advance_stretching(q, F, conditions, section, stretch, grid, system, control, q_new, F_new):
     """As `warm_step.advance`; the end force's relative change ages the factors as a section's turn does.
 
-    What a taut cable answers to its force hardly shows in its shape.
+    The shape of a taut cable hardly shows how it answers to its force. There is no extrapolation.
+
+    Args:
+        q, F, q_new, F_new: as in `warm_step.advance`.
+        conditions: fields of `Conditions`, as a plain tuple, see `entry_points`; so are the next ones.
+        section, grid: of `Section` and `Grid`.
+        stretch: of `Stretch`, overwritten but for the compliance.
+        system: of `System`, overwritten.
+        control: of `StepControl`.
     """
-    order = tables[0].shape[1] - 1
+    qe, re, f = conditions
+    section, stretch, grid = Section(*section), Stretch(*stretch), grid_of(grid)
+    system = system_of(system)
+    evaluation, tangents, factors = system
+    C, totals = tangents.C, evaluation.totals
+    tolerance, limit, rotation, refactor_at = control
+    order = grid.tables.values.shape[1] - 1
     n = 3 * q.shape[0]
-    gv = g.reshape(n)
+    gv = evaluation.g.reshape(n)
     s, dF, c = np.empty(n), np.empty(3), np.empty(3)
     last = q.shape[0] - 1
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[last]), qe))
@@ -82,48 +104,55 @@ def advance_stretching(
     copy(F, F_new)
     size, rate = 0.0, 0.0
     fresh = False
-    for iteration in range(16):  # the first one predicts
-        renew = rate > 0.15 or (iteration == 1 and (drift > refresh or size > 0.5 * refresh))
-        stretch_linearize(
-            q_new, F_new, f, K, kappa0, compliance, h, s0, tables,
-            elastic, geometric, parts, C, reach, acc, g, radial, totals, stretch, renew,
-        )  # fmt: skip
+    for iteration in range(MOST_ITERATIONS):
+        late = iteration == 1 and (rotation > refactor_at or size > 0.5 * refactor_at)
+        renew = rate > SLOW or late
+        stretch_linearize(q_new, F_new, f, section, stretch, grid, system, renew)
         if iteration > 1 and size * rate <= tolerance:
-            return ADVANCED, iteration - 1, drift, fresh
+            return ADVANCED, iteration - 1, rotation, fresh
         if renew:
-            if not stretch_factor(elastic, geometric, C, reach, 0.0, order, A, L, pivots, Y, S):
-                return NOT_CONVEX, iteration, drift, fresh
+            if not stretch_factor(system, stretch.reach, 0.0, order):
+                return NOT_CONVEX, iteration, rotation, fresh
             fresh = True
         for a in range(3):
             c[a] = totals[a] - re[a]
         if iteration == 0:
-            end_coupling(elastic, geometric, C, 3, theta, gv, c)
-        saddle_step(gv, c, C, order, L, pivots, Y, S, s, dF)
+            end_coupling(tangents, C, 3, theta, gv, c)
+        saddle_step(gv, c, C, order, factors, s, dF)
         if iteration == 0:
             for k in range(3):
                 s[n - 3 + k] = theta[k]
         moved = largest(s)
         if not moved <= limit:
-            return TOO_FAR, iteration, drift, fresh
+            return TOO_FAR, iteration, rotation, fresh
         quaternion.retract(q_new, s, q_new)
         close(q_new, qe)
         new = max(correct(F_new, dF), moved)
         if iteration == 0:
-            drift += new
+            rotation += new
         else:
             if iteration > 1 and fresh and not new <= 0.5 * size:
-                return NOT_CONTRACTING, iteration, drift, fresh
-            rate = max(min(new / size, 1.0) if iteration > 1 else 0.0, 0.0 if fresh else drift, 1e-3)
+                return NOT_CONTRACTING, iteration, rotation, fresh
+            rate = max(min(new / size, 1.0) if iteration > 1 else 0.0, 0.0 if fresh else rotation, LEAST_RATE)
         size = new
-    return NOT_CONTRACTING, iteration, drift, fresh
+    return NOT_CONTRACTING, iteration, rotation, fresh
 
 
 @njit(**OPTIONS)
-def moments(right, s, dF, qe, elastic, geometric, C):
-    """Both wrenches (12,) that a step (s, dF) makes; `right` (3n,): the gradient's own change."""
+def moments(right, s, dF, qe, tangents):
+    """Both wrenches (12,) that a step makes.
+
+    Args:
+        right: (3n,) the gradient's own change.
+        s, dF: (3n,), (3,) the step.
+        qe: (4,) end frame.
+        tangents: fields of `Tangents`, as a plain tuple.
+    """
+    tangents = Tangents(*tangents)
+    elastic, geometric, _, C = tangents
     n, band = elastic.shape[0], elastic.shape[1] - 1
     out = np.empty(12)
-    moment = end_rows(elastic, geometric, C, 3, s, dF)
+    moment = end_rows(tangents, C, 3, s, dF)
     dFb = quaternion.rotate(quaternion.conjugate(qe), dF)
     for i in range(3):
         out[i] = -dF[i]

@@ -120,16 +120,16 @@ def bulges(qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> list[np.ndarray | N
 
 
 def unloaded(
-    nodes: np.ndarray, qe: np.ndarray, natural: np.ndarray, hint: float | None
+    nodes: np.ndarray, qe: np.ndarray, natural: np.ndarray, target_twist: float | None
 ) -> Iterator[np.ndarray]:
     """Frames (n, 4) of the unloaded helix, turned evenly along it so that its end meets the end clamp.
 
-    First the one whose twist is nearest to the hint, then those with a turn more and less.
+    First the one whose twist is nearest to the target, then those with a turn more and less.
     """
     helix = np.array([_turn(s * natural) for s in nodes])
     rest = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(helix[-1]), qe))
     closed = np.array([quaternion.multiply(q, _turn(s * rest)) for q, s in zip(helix, nodes, strict=True)])
-    nearest = 0.0 if hint is None else np.round((hint - natural[2] - rest[2]) / (2.0 * np.pi))
+    nearest = 0.0 if target_twist is None else np.round((target_twist - natural[2] - rest[2]) / (2.0 * np.pi))
     for turns in (nearest, nearest + 1, nearest - 1):
         yield spin(closed, nodes, 2.0 * np.pi * turns)
 
@@ -145,23 +145,23 @@ def starts(
     qe: np.ndarray,
     re: np.ndarray,
     f: np.ndarray,
-    hint: float | None,
+    target_twist: float | None,
     natural: np.ndarray | None = None,
     taut: bool = False,
 ) -> Iterator[np.ndarray]:
-    """Frames (n, 4) to start a search from: every curve with its likely twists, those near the hint first.
+    """Frames (n, 4) to start a search from: every curve with its likely twists, those near the target first.
 
     A cable that is not straight without load, `natural` (3,), or is pulled `taut` first starts from its own
     shape.
     """
     natural = np.zeros(3) if natural is None else natural
     if taut or natural.any():
-        yield from unloaded(nodes, qe, natural, hint)
+        yield from unloaded(nodes, qe, natural, target_twist)
     frames = [transport(tangents(nodes, qe, re, bulge)) for bulge in bulges(qe, re, f)]
     turns = []
     for rank, q in enumerate(frames):
         base = closing_turn(q, qe)
-        centre = natural[2] if hint is None else hint
+        centre = natural[2] if target_twist is None else target_twist
         nearest = base + 2.0 * np.pi * np.round((centre - base) / (2.0 * np.pi))
         reach = 1.1 if rank == 0 else 0.8
         for k in (-1, 0, 1):
@@ -174,10 +174,10 @@ def starts(
 
 
 def along(
-    way: np.ndarray, nodes: np.ndarray, qe: np.ndarray, hint: float | None, natural: np.ndarray
+    path: np.ndarray, nodes: np.ndarray, qe: np.ndarray, target_twist: float | None, natural: np.ndarray
 ) -> np.ndarray:
-    """Frames (n, 4) along the string `way` (m, 3), those whose twist is nearest to the hint."""
-    parts = np.diff(way, axis=0)
+    """Frames (n, 4) along the string `path` (m, 3), those whose twist is nearest to the target twist."""
+    parts = np.diff(path, axis=0)
     lengths = np.linalg.norm(parts, axis=1)
     middle = (np.cumsum(lengths) - 0.5 * lengths) / lengths.sum()
     directions = parts / lengths[:, None]
@@ -185,7 +185,7 @@ def along(
     t[0], t[-1] = (0.0, 0.0, 1.0), quaternion.rotate(qe, np.array([0.0, 0.0, 1.0]))
     q = transport(t / np.linalg.norm(t, axis=1, keepdims=True))
     base = closing_turn(q, qe)
-    centre = natural[2] if hint is None else hint
+    centre = natural[2] if target_twist is None else target_twist
     return spin(q, nodes, base + 2.0 * np.pi * np.round((centre - base) / (2.0 * np.pi)))
 
 

@@ -4,25 +4,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 
 import numpy as np
 
 from cable_ros.linalg import banded, bordered
-from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod import entry_points, error_estimate, quaternion, warm_step
 from cable_ros.rod.clamp_stiffness import clamp_response
 from cable_ros.rod.elements import Mesh, enrichment
-from cable_ros.rod.energy_kernels import gradient, hessian, workspace
+from cable_ros.rod.energy_kernels import workspace
+from cable_ros.rod.rod_state import ENERGY
 from cable_ros.solve.trust_region import Options, minimize
 
 ORDER = 6
 """Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
 
 REFRESH, OFF = 0.05, 0.1
-"""Factors, stability margin and error estimate are renewed when a section has turned this far, rad, since;
-sooner where the margin, going on to change as it last did, would be off by more than this part of itself."""
+"""Rotation of a section, rad, after which factors, stability margin and error estimate are renewed; and the
+relative error of the margin, extrapolated from its last change, at which they are renewed earlier."""
 NOTHING = np.zeros(3)
-NO_LINES, NO_ELEMENTS = np.zeros((0, 3)), np.zeros(0, np.int64)
-"""For `warm_step.error`: nothing is touched."""
+NO_LINES, NO_ELEMENTS, NO_DELTA = np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0)
+"""For `error_estimate.error`: nothing is touched."""
 
 
 class Rod:
@@ -38,16 +40,16 @@ class Rod:
     """
 
     obstacles: np.ndarray | None = None
-    """What it may touch: nothing."""
+    """(o, WIDTH) obstacles; None: it touches nothing."""
 
     work = np.inf
     """Budget that is left of a solve, iterations times unknowns: results must not depend on the clock."""
 
     few = 3
-    """Iterations of a step after which the next one may be longer."""
+    """Maximum number of iterations of a step after which the next one may be longer."""
 
     remembers = False
-    """Whether falls keep friction's history."""
+    """Whether snap-throughs keep friction's history."""
 
     patience = 0
     """Number of descents that may still be made of steps that fail, see `penalty_continuation.give_way`."""
@@ -56,20 +58,21 @@ class Rod:
     """Whether it touches something that rubs."""
 
     lies = False
-    """Whether it lies along something that rubs."""
+    """Whether it lies along an obstacle with friction."""
 
     stride = 2.0
-    """How much longer the next step may be than the last, or shorter it must be, for friction's sake."""
+    """Length of the next step over that of the last, as friction allows."""
 
     forgot = False
-    """Whether friction's history was lost in a descent, which knows nothing of it."""
+    """Whether friction's history was lost in a descent."""
 
     least = 1e-6
-    """A wrench below this, in units of the cable, counts as nothing in a relative error."""
+    """Wrench, in units of the cable, to which smaller ones are rounded up in a relative error."""
 
     def __init__(self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None) -> None:
         self.K = np.ascontiguousarray(stiffness, float)
         self.natural = np.zeros(3) if natural is None else np.ascontiguousarray(natural, float)
+        self.section = self.K, self.natural  # fields of `Section`
         self.qe, self.re, self.f = np.array([1.0, 0, 0, 0]), np.array([0.0, 0, 1]), np.zeros(3)
         self._allocate(mesh)
 
@@ -78,26 +81,34 @@ class Rod:
         nodes = elements * order + 1
         n, band = 3 * nodes, 3 * (order + 1)
         self.mesh = mesh
-        self.h, self.s0 = np.ascontiguousarray(mesh.lengths), mesh.starts
+        self.h, self.s0 = np.array(mesh.lengths), mesh.starts
         self.tables = mesh.element.tables
-        fine, self.bubble = enrichment(order)
-        self.fine = fine.tables
+        fine, bubble = enrichment(order)
+        self.fine, self.bubble = fine.tables, bubble
         self.elastic, self.geometric = np.zeros((n, band)), np.zeros((n, band))
         self.A, self.L, self.pivots = np.zeros((n, band)), np.zeros((n, band)), np.ones(n)
         self.C, self.Y, self.S = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 3))
         self.parts, self.acc = np.zeros((elements, 3, band)), np.zeros((nodes, 4))
-        self.lanes = workspace(self.h, self.tables)
+        self.lanes = workspace(self.h, self.tables.by_point)
         self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
         self.shares = np.zeros(elements)
         self.mode = np.zeros(n)
-        self._waves: np.ndarray | None = None
-        self.drift, self.age, self.refresh = np.inf, np.inf, REFRESH
+        # fields of `Grid`, `Enrichment` and `System`, as `entry_points` takes them
+        self.grid = self.h, self.s0, tuple(self.tables)
+        self.enrichment = tuple(self.fine), self.bubble
+        self.saddle = (
+            (self.acc, self.g, self.radial, self.totals, self.lanes),
+            (self.elastic, self.geometric, self.parts, self.C),
+            (self.A, self.L, self.pivots, self.Y, self.S),
+        )
+        self._start_vector: np.ndarray | None = None
+        self.rotation, self.rotation_before, self.refactor_at = np.inf, np.inf, REFRESH
         self.margin = np.nan
         # the last equilibria of `advance` on this mesh: the latest itself, how many, and all of them
         self.latest: np.ndarray | None = None
         self.known = 0
-        self.shapes, self.forces = np.zeros((3, nodes, 4)), np.zeros((3, 3))
-        self.places = np.zeros((3, 10))
+        path = np.zeros((3, nodes, 4)), np.zeros((3, 3)), np.zeros((3, 10))
+        self.arrays = *self.section, *self.grid, *chain.from_iterable(self.saddle), *path  # of `advance`
         self._normal: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
@@ -112,11 +123,11 @@ class Rod:
         self.qe, self.re, self.f = qe, re, f
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
-        """Which elements (elements,) are too long for something else than the wrench; see `BorderedRod`."""
+        """(m,) which elements are too long for contact, see `BorderedRod`."""
         return np.zeros(len(self.h), bool)
 
     def suited(self, mesh: Mesh) -> Mesh:
-        """The mesh, changed where this rod has to have boundaries between elements."""
+        """The mesh with the boundaries between elements that this rod needs."""
         return mesh
 
     def variant(
@@ -133,43 +144,34 @@ class Rod:
         return new
 
     def snapshot(self) -> Callable[[], Rod]:
-        """What makes a rod of its own that stands as this one does now; cheap until it is called."""
+        """A function that makes a copy of this rod as it is now; cheap until it is called."""
         return self.variant
 
-    def held(self) -> np.ndarray:
+    def contact_force(self) -> np.ndarray:
         """(3,): force of the obstacles on the rod."""
         return NOTHING
 
     # Problem
 
-    def _gradient(self, q: np.ndarray, F: np.ndarray) -> None:
-        self.latest = None
-        self.acc[:] = 0.0
-        gradient(q, warm_step.spread(F, self.h), self.f, self.K, self.natural, self.h, self.s0,
-                 self.tables, self.lanes, self.acc, self.g, self.radial, self.totals)  # fmt: skip
-
     def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
-        self._gradient(x, np.zeros(3))
-        return float(self.totals[3]), self.totals[:3] - self.re
+        self.latest = None
+        entry_points.linearize(x, np.zeros(3), self.f, self.section, self.grid, self.saddle, False)
+        return float(self.totals[ENERGY]), self.totals[:ENERGY] - self.re
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        self._gradient(x, y)
-        hessian(x, warm_step.spread(y, self.h), self.f, self.K, self.natural, self.h, self.s0, self.tables,
-                self.radial, self.elastic, self.geometric, self.parts, self.C)  # fmt: skip
-        self._normal = None
+        self.latest = self._normal = None
+        entry_points.linearize(x, y, self.f, self.section, self.grid, self.saddle, True)
         g = self.g.ravel().copy()
         g[:3] = g[-3:] = 0.0
-        return float(self.totals[3]), self.totals[:3] - self.re, g
+        return float(self.totals[ENERGY]), self.totals[:ENERGY] - self.re, g
 
     def factor(self, mu: float) -> bool:
-        self.drift = 0.0
-        return warm_step.factor(self.elastic, self.geometric, self.C, mu, self.mesh.element.order,
-                               self.A, self.L, self.pivots, self.Y, self.S)  # fmt: skip
+        self.rotation = 0.0
+        return entry_points.factor(mu, self.mesh.element.order, self.saddle)
 
     def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         s, dF = np.empty(gradient.shape[0]), np.empty(3)
-        warm_step.saddle_step(gradient, constraints, self.C, self.mesh.element.order,
-                             self.L, self.pivots, self.Y, self.S, s, dF)  # fmt: skip
+        entry_points.saddle_step(gradient, constraints, self.mesh.element.order, self.saddle, s, dF)
         return s, dF
 
     def normal_step(self, constraints: np.ndarray) -> np.ndarray:
@@ -215,11 +217,11 @@ class Rod:
         return (result.x, result.y, result.iterations) if self.refactor(result.x, result.y) else None
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
-        """Set the factors up at (q, F); whether that is a strict minimum's."""
+        """Factor the tangent at (q, F); whether that is a strict minimum."""
         self.linearize(q, F)
         return self.factor(0.0)
 
-    # what a solution says
+    # what an equilibrium says
 
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
@@ -228,15 +230,23 @@ class Rod:
         """One warm-started solve, see `warm_step.advance`; returns code, iterations and the new (q, F)."""
         q_new, F_new = np.empty_like(q), np.empty(3)
         known = self.known if q is self.latest else 0
-        code, iterations, self.age, fresh = warm_step.advance(
-            q, F, qe, re, f, self.K, self.natural, self.h, self.s0, self.tables,
-            self.elastic, self.geometric, self.parts, self.C, self.A, self.L, self.pivots, self.Y, self.S,
-            self.acc, self.g, self.radial, self.totals,
-            known, self.shapes, self.forces, self.places, tolerance, limit, self.drift, self.refresh,
-            q_new, F_new,
-        )  # fmt: skip
+        code, iterations, self.rotation_before, fresh = warm_step.advance(
+            q,
+            F,
+            qe,
+            re,
+            f,
+            *self.arrays,
+            known,
+            tolerance,
+            limit,
+            self.rotation,
+            self.refactor_at,
+            q_new,
+            F_new,
+        )
         self.latest, self.known = None, 0
-        self.drift = 0.0 if fresh else self.age
+        self.rotation = 0.0 if fresh else self.rotation_before
         if code == warm_step.ADVANCED:
             self.set_conditions(qe, re, f)
             self.latest, self.known = q_new, min(known + 1, 3)
@@ -250,25 +260,27 @@ class Rod:
         """
         margin = self._softest()
         change = abs(margin - self.margin)
-        self.refresh = REFRESH
-        if change > 0.0 and self.age < np.inf:
-            self.refresh = min(REFRESH, OFF * margin * self.age / change)
+        self.refactor_at = REFRESH
+        if change > 0.0 and self.rotation_before < np.inf:
+            self.refactor_at = min(REFRESH, OFF * margin * self.rotation_before / change)
         self.margin = margin
         return margin
 
     def _softest(self) -> float:
-        return float(warm_step.margin(self.elastic, self.C, 3, self.mesh.element.order, self.L, self.pivots,
-                                     self.Y, self.S, self.mode, self.waves(), 50))  # fmt: skip
+        order, factors = self.mesh.element.order, self.saddle[2]
+        return float(
+            error_estimate.margin(self.elastic, self.C, 3, order, factors, self.mode, self.start_vector(), 50)
+        )
 
-    def waves(self) -> np.ndarray:
-        """(3n,) some rotation of the sections that is smooth and zero at the clamps; elastic energy 1/2."""
-        if self._waves is None:
+    def start_vector(self) -> np.ndarray:
+        """(3n,) a smooth rotation of the sections, zero at the clamps, of elastic energy 1/2."""
+        if self._start_vector is None:
             k = np.arange(1, 5)
-            waves = np.sin(np.pi * np.outer(self.mesh.nodes, k)) / k**2
-            waves = (waves @ np.random.default_rng(0).normal(size=(4, 3))).ravel()
-            waves[:3] = waves[-3:] = 0.0
-            self._waves = waves / self.norm(waves)
-        return self._waves
+            start = np.sin(np.pi * np.outer(self.mesh.nodes, k)) / k**2
+            start = (start @ np.random.default_rng(0).normal(size=(4, 3))).ravel()
+            start[:3] = start[-3:] = 0.0
+            self._start_vector = start / self.norm(start)
+        return self._start_vector
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Derivative (12, 12) of the clamps' wrenches by their motions; see
@@ -276,24 +288,23 @@ class Rod:
         """
         self.linearize(q, F)
         self.factor(-bordered.NEUTRAL)
-        return clamp_response(q, F, self.qe, self.re, self.f, self.h, self.s0, self.tables, self.elastic,
-                              self.geometric, self.C, self.mesh.element.order, self.L, self.pivots, self.Y,
-                              self.S, self.g)  # fmt: skip
+        return clamp_response(q, F, (self.qe, self.re, self.f), self.grid, self.saddle)
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Estimated error (6,) of end force and end moment, in units of the cable; see `warm_step.error`."""
+        """Estimated error (6,) of end force and moment, in units of the cable; see `error_estimate.error`."""
         return self._wrench_error(q, F, self.re, np.zeros(self.g.size))
 
     def _wrench_error(self, q: np.ndarray, F: np.ndarray, re: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        return warm_step.error(q, warm_step.spread(F, self.h), re, self.f, self.K, self.natural, self.h,
-                              self.s0, self.fine, self.bubble, self.elastic, self.geometric, self.C, 3,
-                              NO_LINES, NO_ELEMENTS, NO_LINES, self.L, self.pivots, self.Y, self.S, self.g,
-                              residual, self.shares)  # fmt: skip
+        rows = self.C, self.C, NO_DELTA, NO_LINES, NO_ELEMENTS
+        return error_estimate.error(
+            q, warm_step.spread(F, self.h), (self.qe, re, self.f), self.section, self.grid, self.enrichment,
+            self.saddle, rows, 3, (NO_LINES, residual, self.shares),
+        )  # fmt: skip
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Estimated relative error of the end wrench; see `units.relative_change`."""
         change = self.wrench_error(q, F)
-        return float(warm_step.relative_error(change, F, self.g[-1], self.shares, self.least))
+        return float(error_estimate.relative_error(change, F, self.g[-1], self.shares, self.least))
 
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """(2,) what lying at the clamps adds to `relative_error`; see `BorderedRod`."""
@@ -303,6 +314,6 @@ class Rod:
         """What friction adds to `relative_error`; see `BorderedRod`."""
         return 0.0
 
-    def rubs_anew(self) -> bool:
+    def friction_changed(self) -> bool:
         """Whether `friction_error` should be asked again; see `BorderedRod`."""
         return False

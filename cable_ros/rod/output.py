@@ -8,48 +8,68 @@ import numpy as np
 from cable_ros.compilation import LEAF, njit
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import curve, find_element, position
+from cable_ros.rod.rod_state import Sampling
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**LEAF)
-def wrenches(F, f, held, qe, g, force, moment, end_wrench, start_wrench):
+def wrenches(F, f, contact, qe, g, force, moment, end_wrench, start_wrench):
     """End and start wrench (6,) in SI: what the cable exerts on the bodies, in the clamps' frames.
 
-    `held` (3,): as `Rod.held`; `g` (n, 3): the gradient at the equilibrium, whose end rows are the moments of
-    the clamps on the cable.
+    Args:
+        F, f, contact: (3,) end force, load and the obstacles' force on the cable, EI / L^2.
+        qe: (4,) end frame.
+        g: (n, 3) gradient at the equilibrium, whose end rows are the moments of the clamps on the cable.
+        force, moment: the cable's units, N and Nm.
+        end_wrench, start_wrench: (6,) receive the wrenches, N and Nm.
     """
     Fb = quaternion.turned((qe[0], -qe[1], -qe[2], -qe[3]), F)
     last = g.shape[0] - 1
     for a in range(3):
         end_wrench[a] = -force * Fb[a]
         end_wrench[3 + a] = -moment * g[last, a]
-        start_wrench[a] = force * (F[a] + f[a] + held[a])
+        start_wrench[a] = force * (F[a] + f[a] + contact[a])
         start_wrench[3 + a] = -moment * g[0, a]
 
 
 @njit(**OPTIONS)
-def read(
-    q, F, f, held, qe, g, h, element, values, weights, quadrature, start, scale,
-    end_wrench, start_wrench, out_r, out_q,
-):  # fmt: skip
-    """`wrenches` and `polyline`; `scale`: the cable's units of force and moment, and its length."""
-    wrenches(F, f, held, qe, g, scale[0], scale[1], end_wrench, start_wrench)
-    polyline(q, h, element, values, weights, quadrature, start, scale[2], out_r, out_q)
+def read(q, h, start, F, f, contact, qe, g, table, out):
+    """`wrenches` and `polyline` in one call from Python.
+
+    Args:
+        q, h, start: as in `polyline`.
+        F, f, contact, qe, g: as in `wrenches`.
+        table: the cable's units of force, moment and length, N, Nm, m; the fields of `rod_state.Sampling`.
+        out: end and start wrench (6,), points (c, 3) and frames (c, 4), overwritten.
+    """
+    scale, sampling = table
+    end_wrench, start_wrench, out_r, out_q = out
+    wrenches(F, f, contact, qe, g, scale[0], scale[1], end_wrench, start_wrench)
+    polyline(q, h, Sampling(*sampling), start, scale[2], out_r, out_q)
 
 
 @njit(**OPTIONS)
-def read_anywhere(
-    q, F, f, held, qe, g, h, s0, tables, start, scale, end_wrench, start_wrench, out_r, out_q
-):  # fmt: skip
-    """`wrenches` and `polyline_anywhere`; `tables`: its values, primitives and powers."""
-    wrenches(F, f, held, qe, g, scale[0], scale[1], end_wrench, start_wrench)
-    polyline_anywhere(q, h, s0, tables[0], tables[1], tables[2], start, scale[2], out_r, out_q)
+def read_anywhere(q, mesh, start, F, f, contact, qe, g, table, out):
+    """`wrenches` and `polyline_anywhere` in one call from Python.
+
+    Args:
+        q, start, out: as in `read`.
+        mesh: lengths of the elements and the arc lengths at which they start, (m,) each.
+        F, f, contact, qe, g: as in `wrenches`.
+        table: as in `read`, but last what `elements.integrals` returns.
+    """
+    scale, tables = table
+    end_wrench, start_wrench, out_r, out_q = out
+    h, s0 = mesh
+    values, primitives, powers = tables
+    wrenches(F, f, contact, qe, g, scale[0], scale[1], end_wrench, start_wrench)
+    polyline_anywhere(q, h, s0, values, primitives, powers, start, scale[2], out_r, out_q)
 
 
 @njit(**LEAF)
 def turn(start, q, out):
-    """Nodal quaternions q (n, 4), turned from the start clamp at `start` (7,) into the world.
+    """Nodal quaternions q (n, 4), turned from the start clamp at `start` (7,) into the world: `out` (n, 4).
 
     Interpolation is linear in them: so is every quaternion between, turned once and for all.
     """
@@ -63,13 +83,18 @@ def turn(start, q, out):
 
 
 @njit(**OPTIONS)
-def polyline(q, h, element, values, weights, quadrature, start, length, out_r, out_q):
-    """World points (m, 3) and frames (m, 4) x y z w at the arc lengths that `elements.Sampling` stands for.
+def polyline(q, h, sampling, start, length, out_r, out_q):
+    """World points and frames x y z w at the arc lengths of a sampling.
 
-    `quadrature` (g, order + 1): shape functions at the g points whose tangents `weights` (m, g) integrates
-    from the element's start; `start` (7,): the start clamp in the world, position and quaternion x y z w;
-    `length` in m.
+    Args:
+        q: (n, 4) nodal frames.
+        h: (m,) lengths of the elements.
+        sampling: `rod_state.Sampling` of c points.
+        start: (7,) the start clamp in the world, m, quaternion x y z w.
+        length: of the cable, m.
+        out_r, out_q: (c, 3), (c, 4) receive points, m, and frames.
     """
+    element, values, weights, quadrature, _ = sampling
     order = values.shape[1] - 1
     points = quadrature.shape[0]
     count = element.shape[0]
@@ -121,9 +146,12 @@ def polyline(q, h, element, values, weights, quadrature, start, length, out_r, o
 
 @njit(**OPTIONS)
 def polyline_anywhere(q, h, s0, values, primitives, powers, start, length, out_r, out_q):
-    """`polyline` on elements whose lengths change from solve to solve; no tables of places.
+    """`polyline` at equal arc lengths, on elements whose lengths change from solve to solve.
 
-    `values`, `primitives`, `powers`: see `elements.integrals`.
+    Args:
+        q, h, start, length, out_r, out_q: as in `polyline`.
+        s0: (m,) arc lengths at which the elements start.
+        values, primitives, powers: see `elements.integrals`.
     """
     world = np.empty_like(q)
     turn(start, q, world)
@@ -143,12 +171,12 @@ def polyline_anywhere(q, h, s0, values, primitives, powers, start, length, out_r
         position(c, h, s0, s, r)
         for b in range(3):
             out_r[i, b] = start[b] + length * r[b]
-        e, place = find_element(s, s0, h)
+        e, fraction = find_element(s, s0, h)
         w, x, y, z = 0.0, 0.0, 0.0, 0.0
         for k in range(order, -1, -1):
-            w = w * place + frames[e, k, 0]
-            x = x * place + frames[e, k, 1]
-            y = y * place + frames[e, k, 2]
-            z = z * place + frames[e, k, 3]
+            w = w * fraction + frames[e, k, 0]
+            x = x * fraction + frames[e, k, 1]
+            y = y * fraction + frames[e, k, 2]
+            z = z * fraction + frames[e, k, 3]
         n = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
         out_q[i, 0], out_q[i, 1], out_q[i, 2], out_q[i, 3] = n * x, n * y, n * z, n * w

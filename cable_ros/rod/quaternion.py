@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled quaternion arithmetic, scalar first; ROS's x y z w is turned at the border (`from_ros`)."""
+"""Compiled quaternion arithmetic, scalar first; for ROS's x y z w see `from_ros`."""
 
 from __future__ import annotations
 
@@ -160,8 +160,8 @@ def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return out / size
 
 
-def part(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
-    """Part t of the shortest way from the unit quaternion a to the unit quaternion b."""
+def slerp(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
+    """The unit quaternion at the fraction t of the shortest rotation from a to b, unit quaternions."""
     out = np.empty((1, 4))
     retract(a[None, :], t * rotation_vector(multiply(conjugate(a), b)), out)
     return out[0]

@@ -53,8 +53,8 @@ def _relative(poses, previous, weight, length, force, qe, re, f):  # type: ignor
     w, x, y, z = quaternion.product(inverse, (end[6], end[3], end[4], end[5]))
     same = w * previous[0] + x * previous[1] + y * previous[2] + z * previous[3] >= 0.0
     qe[0], qe[1], qe[2], qe[3] = (w, x, y, z) if same else (-w, -x, -y, -z)
-    way = (end[0] - start[0]) / length, (end[1] - start[1]) / length, (end[2] - start[2]) / length
-    re[0], re[1], re[2] = quaternion.turned(inverse, way)
+    chord = (end[0] - start[0]) / length, (end[1] - start[1]) / length, (end[2] - start[2]) / length
+    re[0], re[1], re[2] = quaternion.turned(inverse, chord)
     load = weight[0] * length / force, weight[1] * length / force, weight[2] * length / force
     f[0], f[1], f[2] = quaternion.turned(inverse, load)
 

@@ -1,188 +1,183 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: the warm-started step; and, under one name, all that a rod's owner calls of the compiled statics.
-
-The arrays that these functions share are those of `Rod` (rod.py); `tables` are `ReferenceElement.tables`.
-"""
+"""Compiled: the warm-started step of a rod, by Newton's method with factors that are kept."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from cable_ros.compilation import LEAF, njit
-from cable_ros.linalg.bordered import (
-    border_factor,
-    border_step,
-    end_coupling,
-    end_rows,
-    factor,
-    negative3,
-    saddle_step,
-    solve3,
-)
+from cable_ros.linalg.bordered import Factors, end_coupling, factor, saddle_step
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
-from cable_ros.rod.energy_kernels import gradient, hessian, workspace
-from cable_ros.rod.error_estimate import error, margin, relative_error
-from cable_ros.rod.output import read, read_anywhere, wrenches
-
-__all__ = [
-    "ADVANCED",
-    "NOT_CONTRACTING",
-    "NOT_CONVEX",
-    "TOO_FAR",
-    "advance",
-    "border_factor",
-    "border_step",
-    "close",
-    "correct",
-    "end_coupling",
-    "end_rows",
-    "error",
-    "factor",
-    "largest",
-    "margin",
-    "negative3",
-    "read",
-    "read_anywhere",
-    "relative_error",
-    "saddle_step",
-    "solve3",
-    "spread",
-    "wrenches",
-]
+from cable_ros.rod.energy_kernels import gradient, hessian
+from cable_ros.rod.rod_state import Evaluation, Grid, Path, Section, Tables, Tangents
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 ADVANCED, TOO_FAR, NOT_CONTRACTING, NOT_CONVEX = 0, 1, 2, 3
 """How `advance` ended."""
 
+MOST_ITERATIONS = 12
+"""Maximum number of corrections."""
+SLOW = 0.15
+"""Factors are made again if an iteration leaves more than this fraction of the error."""
+LEAST_RATE = 1e-3
+"""Smallest fraction of the error that an iteration is taken to leave."""
 AMPLIFIED = 10.0
-"""Extrapolation may add up errors of the last equilibria so many times."""
+"""Maximum sum of the weights with which extrapolation adds up the errors of the last equilibria."""
+POSITION, LOAD = 4, 7
+"""Slots of end position and load in a vector of conditions, after the end frame."""
 
 
 @njit(**OPTIONS)
 def advance(
-    q, F, qe, re, f, K, kappa0, h, s0, tables,
-    elastic, geometric, parts, C, A, L, pivots, Y, S, acc, g, radial, totals,
-    known, shapes, forces, places, tolerance, limit, drift, refresh, q_new, F_new,
+    q, F, qe, re, f, K, natural, h, s0, tables,
+    acc, g, radial, totals, lanes, elastic, geometric, parts, C, A, U, pivots, Y, S,
+    shapes, forces, conditions, known, tolerance, limit, rotation, refactor_at, q_new, F_new,
 ):  # fmt: skip
-    """From the equilibrium (q, F) to that with the end at (qe, re) and the load f, with the factors at hand.
+    """From the equilibrium (q, F) to that under new conditions, with the factors at hand.
 
-    The start is ahead on the path of the `known` last equilibria, see `ahead`, or (q, F) itself, whose
-    gradient is in `g` and `totals` where any is known. The first step from there takes the end to its place,
-    all others correct. The factors may be those of an equilibrium from which some section has turned by
-    `drift` rad; once that is more than `refresh`, after a long step, and where they no longer contract, they
-    are made anew. Stops TOO_FAR where a section turns by more than `limit`. `tolerance` bounds what is left
-    of nodal rotation (rad) and relative end force. Returns (code, corrections, drift, whether the factors are
-    new).
+    The start is extrapolated along the path of the last equilibria, see `extrapolate`, or (q, F) itself,
+    whose gradient is in the evaluation if any is known. The first step from there takes the end to its place,
+    all others correct. The factors may be those of another equilibrium; they are made again once a section
+    has turned too far since, after a long step, and when the iteration no longer contracts.
+
+    Python calls this at every pose, and takes least time to pass numbers and arrays one by one. In here they
+    are groups.
+
+    Args:
+        q, F: (n, 4) nodal frames, (3,) end force.
+        qe, re, f: the new conditions, fields of `rod_state.Conditions`.
+        K, natural: of `Section`.
+        h, s0, tables: of `Grid`; the last one a tuple of the fields of `Tables`.
+        acc, g, radial, totals, lanes: of `Evaluation`, overwritten.
+        elastic, geometric, parts, C: of `Tangents`, overwritten.
+        A, U, pivots, Y, S: of `bordered.Factors`, overwritten.
+        shapes, forces, conditions: of `Path`; an equilibrium that is found is put first.
+        known: number of equilibria on the path that are known, 0 to 3.
+        tolerance, limit, rotation, refactor_at: of `StepControl`.
+        q_new, F_new: receive the equilibrium.
+
+    Returns:
+        How it ended, number of corrections, rotation since the last factorisation, rad, whether the factors
+        are new.
     """
-    order = tables[0].shape[1] - 1
+    section, grid = Section(K, natural), Grid(h, s0, Tables(*tables))
+    evaluation = Evaluation(acc, g, radial, totals, lanes)
+    tangents, factors = Tangents(elastic, geometric, parts, C), Factors(A, U, pivots, Y, S)
+    path = Path(shapes, forces, conditions)
+    order = grid.tables.values.shape[1] - 1
     n = 3 * q.shape[0]
-    gv = g.reshape(n)
-    s, dF, c, theta, Fe = np.empty(n), np.empty(3), np.empty(3), np.empty(3), np.empty((h.shape[0], 3))
-    lanes = workspace(h, tables)
-    there = place(qe, re, f)
-    ready = known > 0 and same(f, places[0, 7:])
-    jumped = ahead(known, shapes, forces, places, there, q_new, F_new) if known > 1 else 0.0
+    gv = evaluation.g.reshape(n)
+    s, dF, c, theta = np.empty(n), np.empty(3), np.empty(3), np.empty(3)
+    Fe = np.empty((grid.h.shape[0], 3))
+    target = np.empty(conditions.shape[1])
+    as_vector(qe, re, f, target)
+    ready = known > 0 and same(f, conditions[0, LOAD:])
+    jumped = extrapolate(path, known, target, q_new, F_new) if known > 1 else 0.0
     if jumped == 0.0:
         copy_rows(q, q_new)
         copy(F, F_new)
     moved, size, rate = jumped, 0.0, 0.0
     fresh = False
     iteration = 0
-    while iteration <= 12:
+    while iteration <= MOST_ITERATIONS:
         spread_into(F_new, Fe)
         if iteration > 0 or jumped > 0.0 or not ready:
-            acc[:] = 0.0
-            gradient(q_new, Fe, f, K, kappa0, h, s0, tables, lanes, acc, g, radial, totals)
+            evaluation.acc[:] = 0.0
+            gradient(q_new, Fe, f, section, grid, evaluation)
         if iteration > 0 and size * rate <= tolerance:
-            remember(q_new, F_new, there, shapes, forces, places)
-            return ADVANCED, iteration if jumped > 0.0 else iteration - 1, drift + moved, fresh
-        # a start ahead is as good as what the first step leads to
+            remember(q_new, F_new, target, path)
+            return ADVANCED, iteration if jumped > 0.0 else iteration - 1, rotation + moved, fresh
+        # an extrapolated start is as good as what the first step leads to
         if iteration == (0 if jumped > 0.0 else 1):
-            renew = drift + moved > refresh or (jumped == 0.0 and moved > 0.5 * refresh)
+            renew = rotation + moved > refactor_at or (jumped == 0.0 and moved > 0.5 * refactor_at)
         else:
-            renew = rate > 0.15
+            renew = rate > SLOW
         if renew:
-            hessian(
-                q_new, Fe, f, K, kappa0, h, s0, tables, radial, elastic, geometric, parts, C
-            )  # fmt: skip
-            if not factor(elastic, geometric, C, 0.0, order, A, L, pivots, Y, S):
-                return NOT_CONVEX, iteration, drift, fresh
+            hessian(q_new, Fe, f, section, grid, evaluation.radial, tangents)
+            if not factor(tangents, 0.0, order, factors):
+                return NOT_CONVEX, iteration, rotation, fresh
             fresh = True
         for a in range(3):
             c[a] = totals[a] - re[a]
         if iteration == 0:
             end_turn(q_new, qe, theta)
-            end_coupling(elastic, geometric, C, 3, theta, gv, c)
-        saddle_step(gv, c, C, order, L, pivots, Y, S, s, dF)
+            end_coupling(tangents, C, 3, theta, gv, c)
+        saddle_step(gv, c, C, order, factors, s, dF)
         if iteration == 0:
             for k in range(3):
                 s[n - 3 + k] = theta[k]
         turned = largest(s)
         if jumped > 0.0 and iteration == 0 and not turned <= 0.3 * jumped:
-            # the path has bent: from the last equilibrium itself
+            # the path has bent: start from the last equilibrium itself
             copy_rows(q, q_new)
             copy(F, F_new)
             moved, jumped, ready = 0.0, 0.0, False
-            drift = np.inf if fresh else drift
+            rotation = np.inf if fresh else rotation
             continue
         if not turned <= limit - jumped:
-            return TOO_FAR, iteration, drift, fresh
+            return TOO_FAR, iteration, rotation, fresh
         quaternion.retract(q_new, s, q_new)
         close(q_new, qe)
         new = max(correct(F_new, dF), turned)
         if iteration > 1 and fresh and not new <= 0.5 * size:
-            return NOT_CONTRACTING, iteration, drift, fresh
+            return NOT_CONTRACTING, iteration, rotation, fresh
         if iteration == 0:
             moved += turned
-        # what the next correction would be: the ratio of the last two, no less than the factors' drift
-        old = turned if fresh else drift + moved
-        rate = max(min(new / size, 1.0) if iteration > 1 else 0.0, old, 1e-3)
+        # estimates the next correction: the ratio of the last two, no less than the rotation since factoring
+        old = turned if fresh else rotation + moved
+        rate = max(min(new / size, 1.0) if iteration > 1 else 0.0, old, LEAST_RATE)
         size = new
         iteration += 1
-    return NOT_CONTRACTING, iteration, drift, fresh
-
-
-@njit(**OPTIONS)
-def place(qe, re, f):
-    """The conditions as one vector (10,)."""
-    out = np.empty(10)
-    for a in range(4):
-        out[a] = qe[a]
-    for a in range(3):
-        out[4 + a] = re[a]
-        out[7 + a] = f[a]
-    return out
+    return NOT_CONTRACTING, iteration, rotation, fresh
 
 
 @njit(**LEAF)
-def ahead(known, shapes, forces, places, there, q, F):
-    """Extrapolate the last equilibria to the conditions `there` (10,); returns the farthest turn.
+def as_vector(qe, re, f, out):
+    """The conditions qe (4,), re (3,), f (3,) as one vector out (10,)."""
+    for a in range(4):
+        out[a] = qe[a]
+    for a in range(3):
+        out[POSITION + a] = re[a]
+        out[LOAD + a] = f[a]
 
-    The `known` ones, 2 or 3, come latest first: their nodal frames `shapes` (3, n, 4), end forces `forces`
-    (3, 3), conditions `places` (3, 10). They are taken for points of a smooth path, at distances along it
-    that are those of their conditions, straight on or turned back; q (n, 4), F (3,) receive the polynomial
-    through them. Its order is that which tells the conditions `there` best, the higher one where both do
-    well; nothing happens, 0, where none tells them to a tenth of the step, or where it would add up errors
-    more than AMPLIFIED times.
+
+@njit(**LEAF)
+def extrapolate(path, known, target, q, F):
+    """Extrapolate the last equilibria to the conditions `target`; returns the largest rotation, rad.
+
+    They are taken for points of a smooth path, at distances along it that are those of
+    their conditions, straight on or turned back; q and F receive the polynomial through them. Its order is
+    that which predicts the conditions `target` best, the higher one where both do well. Nothing happens, and
+    0 is returned, if none predicts them to a tenth of the step, or if the weights amplify errors more than
+    AMPLIFIED times.
+
+    Args:
+        path: `Path`.
+        known: number of equilibria on it that are known, 2 or 3.
+        target: (10,) conditions, see `as_vector`.
+        q, F: (n, 4) nodal frames and (3,) end force, overwritten.
     """
-    t = onward(places[1], places[0], there)
-    back = -abs(onward(places[0], places[0], places[1]))
+    shapes, forces, conditions = path
+    t = signed_distance(conditions[1], conditions[0], target)
+    back = -abs(signed_distance(conditions[0], conditions[0], conditions[1]))
     best, w1, w2 = 0.1 * abs(t), 0.0, 0.0
     for order in range(1, known):
         if order == 1:
             v1, v2 = t / back, 0.0
         else:
-            before = back - onward(places[0], places[1], places[2])
+            before = back - signed_distance(conditions[0], conditions[1], conditions[2])
             v1 = t * (t - before) / (back * (back - before))
             v2 = t * (t - back) / (before * (before - back))
         if not abs(v1) + abs(v2) <= AMPLIFIED:
             continue
         miss = 0.0
-        for a in range(there.shape[0]):
-            told = v1 * (places[1, a] - places[0, a]) + v2 * (places[2, a] - places[0, a])
-            miss += (there[a] - places[0, a] - told) ** 2
+        for a in range(target.shape[0]):
+            predicted = v1 * (conditions[1, a] - conditions[0, a]) + v2 * (
+                conditions[2, a] - conditions[0, a]
+            )
+            miss += (target[a] - conditions[0, a] - predicted) ** 2
         miss = np.sqrt(miss)
         if miss <= max(best, 1e-3 * abs(t)):
             best, w1, w2 = miss, v1, v2
@@ -205,31 +200,32 @@ def ahead(known, shapes, forces, places, there, q, F):
 
 
 @njit(**LEAF)
-def onward(origin, at, there):
-    """Distance from `at` to `there` (10,), negative where that leads back towards `origin`."""
+def signed_distance(origin, at, target):
+    """Distance from `at` to `target`, all (10,), negative if that leads back towards `origin`."""
     size, side = 0.0, 0.0
     for a in range(at.shape[0]):
-        way = there[a] - at[a]
-        size += way * way
-        side += way * (at[a] - origin[a])
+        change = target[a] - at[a]
+        size += change * change
+        side += change * (at[a] - origin[a])
     return np.sqrt(size) if side > 0.0 else -np.sqrt(size)
 
 
-@njit(**OPTIONS)
-def remember(q, F, there, shapes, forces, places):
-    """Put an equilibrium before the others, of which the last is forgotten."""
-    for k in range(places.shape[0] - 1, 0, -1):
+@njit(**LEAF)
+def remember(q, F, target, path):
+    """Put the equilibrium q (n, 4), F (3,) under the conditions `target` (10,) first in the `Path` path."""
+    shapes, forces, conditions = path
+    for k in range(conditions.shape[0] - 1, 0, -1):
         copy_rows(shapes[k - 1], shapes[k])
         copy(forces[k - 1], forces[k])
-        copy(places[k - 1], places[k])
+        copy(conditions[k - 1], conditions[k])
     copy_rows(q, shapes[0])
     copy(F, forces[0])
-    copy(there, places[0])
+    copy(target, conditions[0])
 
 
 @njit(**LEAF)
 def same(a, b):
-    """Whether two vectors of one length are equal."""
+    """Whether two vectors a and b of one length are equal."""
     equal = True
     for i in range(a.shape[0]):
         equal = equal and a[i] == b[i]
@@ -246,7 +242,7 @@ def end_turn(q, qe, theta):
 
 @njit(**OPTIONS)
 def spread(F, h):
-    """The same force F (3,) for every element: (elements, 3)."""
+    """The same force F (3,) for every element: (m, 3), with h (m,) of `Grid`."""
     out = np.empty((h.shape[0], 3))
     spread_into(F, out)
     return out
@@ -254,7 +250,7 @@ def spread(F, h):
 
 @njit(**LEAF)
 def spread_into(F, out):
-    """`spread` without a new array."""
+    """`spread` of F (3,) into `out` (m, 3)."""
     for e in range(out.shape[0]):
         out[e, 0], out[e, 1], out[e, 2] = F[0], F[1], F[2]
 

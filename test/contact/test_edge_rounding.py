@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cable_ros.contact.distance import BOX, CYLINDER, SPHERE, WIDTH, gaps
-from cable_ros.contact.edge_rounding import CORE, ROUNDING, blunted
+from cable_ros.contact.edge_rounding import CORE, ROUNDING, rounded
 
 
 def obstacle(kind: float, *sizes: float) -> np.ndarray:
@@ -19,7 +19,7 @@ def obstacle(kind: float, *sizes: float) -> np.ndarray:
 
 @pytest.mark.parametrize("solid", [obstacle(BOX, 0.1, 0.2, 0.3), obstacle(CYLINDER, 0.2, 0.3)])
 def test_faces_stay_and_edges_are_rounded(solid: np.ndarray) -> None:
-    blunt = blunted(solid)
+    blunt = rounded(solid)
     rng = np.random.default_rng(0)
     for point in rng.uniform(-0.5, 0.5, (300, 3)):
         sharp, soft = gaps(solid, point)[0], gaps(blunt, point)[0]
@@ -32,12 +32,12 @@ def test_faces_stay_and_edges_are_rounded(solid: np.ndarray) -> None:
 
 
 def test_a_thin_body_keeps_a_core() -> None:
-    thin = blunted(obstacle(BOX, 0.001, 0.2, 0.3))
+    thin = rounded(obstacle(BOX, 0.001, 0.2, 0.3))
     assert thin[0, 13] == pytest.approx((1.0 - CORE) * 0.001)
 
 
 def test_what_has_no_edges_is_left_alone() -> None:
     ball = obstacle(SPHERE, 0.1)
-    assert blunted(ball) is ball
+    assert rounded(ball) is ball
     box = obstacle(BOX, 0.1, 0.1, 0.1)
-    assert blunted(box, 0.0) is box
+    assert rounded(box, 0.0) is box

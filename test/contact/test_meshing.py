@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cable_ros.contact.meshing import LAYERS, fitted, layered, suited
-from cable_ros.contact.points import COLUMNS, KIND, PLACE, POINT
+from cable_ros.contact.points import ARC_LENGTH, COLUMNS, KIND, POINT
 from cable_ros.rod.elements import Mesh, reference_element
 
 ELEMENT = reference_element(3)
@@ -15,7 +15,7 @@ ELEMENT = reference_element(3)
 
 def at(*places: float) -> np.ndarray:
     points = np.zeros((len(places), COLUMNS))
-    points[:, PLACE], points[:, KIND] = places, POINT
+    points[:, ARC_LENGTH], points[:, KIND] = places, POINT
     return points
 
 

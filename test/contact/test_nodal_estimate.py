@@ -15,7 +15,7 @@ from nodal_scenes import go, ground, rotation, wrench
 
 from cable_ros.branch.cold_start import Conditions, Found, equilibria, refine
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, PLACE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
 from cable_ros.rod.units import relative_change
 
 K = np.array([1.0, 1.0, 0.75])
@@ -44,7 +44,7 @@ def adopted(cells: int, friction: float, twin: bool = True) -> NodalRod:
     forces = points[:, FORCE, None] * exact.normals[: exact.count] + points[:, FRICTION : FRICTION + 3]
     rod = NodalRod(K, None, LYING.obstacles, cells, friction > 0.0)
     assert rod.adopt(
-        exact, found.q, found.F, points[:, PLACE], forces, points[:, OBSTACLE].astype(int), twin
+        exact, found.q, found.F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int), twin
     )  # fmt: skip
     return rod
 
@@ -72,9 +72,9 @@ def test_what_is_adopted_keeps_its_wrench_within_the_estimate(cells: int) -> Non
     found, rod = lain(), adopted(cells, 0.0)
     exact = np.concatenate((found.F, found.rod.g[-1]))
     assert error(rod, exact) < SPREAD * estimate(rod) < 1e-2
-    assert np.abs(rod.held() - found.rod.held()).max() < 2.0 * SPREAD * estimate(rod) * np.linalg.norm(
-        rod.end_force
-    )
+    assert np.abs(rod.contact_force() - found.rod.contact_force()).max() < 2.0 * SPREAD * estimate(
+        rod
+    ) * np.linalg.norm(rod.end_force)
 
 
 @pytest.mark.parametrize(

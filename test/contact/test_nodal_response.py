@@ -9,7 +9,7 @@ from nodal_scenes import advance, go, ground, matrix, pressed, raised, rotation,
 
 from cable_ros.branch.cold_start import Conditions
 from cable_ros.branch.results import Tangent
-from cable_ros.contact.nodal_kernels import FRICTION
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.response import cross_matrix
 from cable_ros.rod import quaternion, warm_step
@@ -96,7 +96,7 @@ def test_without_friction(shape: str) -> None:
 def test_what_sticks(shape: str) -> None:
     rod = pressed(shape, 0.4)
     rough = rod._under.copy()
-    rough[:, FRICTION] = 2.0  # what slipped sticks with the friction that it had
+    rough[:, FRICTION_COEFFICIENT] = 2.0  # what slipped sticks with the friction that it had
     go(rod, Conditions(rod.qe, rod.re, rod.f, rough))
     assert rod.touches
     assert not rod.sliding().any()
@@ -133,7 +133,7 @@ def test_a_tracker_gives_it_in_the_world() -> None:
     unit = Units(2.0, 0.5)
     begin = np.array([0.3, -0.2, 0.1, *quaternion.to_ros(rotation([0.3, 0.5, -0.4]))])
     response = Tangent(rod, rod.shape, rod.end_force, unit, ["ball"], begin, 1.0).wrench_response
-    expected, held = rod.wrench_response(rod.shape, rod.end_force, [0]), rod.held()
+    expected, held = rod.wrench_response(rod.shape, rod.end_force, [0]), rod.contact_force()
     go(rod, Conditions(rod.qe, rod.re, rod.f, raised(rod._under, 0.01)))  # the rod moves on
     clamps, both = response([]), response(["ball"])
     scale = np.repeat([unit.force, unit.moment] * 2, 3)[:, None] / np.repeat([unit.length, 1.0] * 2, 3)

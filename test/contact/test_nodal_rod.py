@@ -160,7 +160,7 @@ def test_forces_and_moments_balance_with_and_without_weight(weight: float) -> No
     rod = pressed("capsule", 0.4, weight=weight, lift=0.08 if weight else 0.27)
     assert rod.touches
     state, forces = rod.state, rod.contact_forces()
-    assert state.F[0] == pytest.approx(state.F[-1] + rod.f + rod.held(), abs=1e-9)
+    assert state.F[0] == pytest.approx(state.F[-1] + rod.f + rod.contact_force(), abs=1e-9)
     lumped = rod.f / rod.cells + forces.sum(axis=1)[1:-1]
     at_end = matrix(rod.qe) @ rod.g[-1] + np.cross(rod.re, rod.end_force)
     assert rod.g[0] + at_end + np.cross(state.r[1:-1], lumped).sum(axis=0) == pytest.approx(

@@ -95,9 +95,9 @@ def vector(at: Sample, state: State) -> np.ndarray:
     rows, work = rod._rows, rod._work
     out = np.zeros(rod._size[0])
     for i in range(1, len(rows.psi) - 1):
-        out[rows.psi[i] : rows.psi[i] + 3] = work.g[i]
+        out[rows.psi[i] : rows.psi[i] + 3] = work.evaluation.g[i]
     for e in range(len(rows.F)):
-        out[rows.F[e] : rows.F[e] + 3] = work.way[e]
+        out[rows.F[e] : rows.F[e] + 3] = work.mismatch[e]
     for k in range(1, len(rows.F)):
         out[rows.r[k] : rows.r[k] + 3] = work.balance[k]
         for o in range(rows.contact.shape[1]):
@@ -170,12 +170,12 @@ def test_residuals_are_their_plain_twins(seed: int, drag: float) -> None:
     assert np.array_equal(work.kinds[1:-1], at.kinds[1:-1])
     assert work.near[1:-1].all()
     moments, ways, forces, contacts = plain(at)
-    assert work.way == pytest.approx(ways, abs=ROUNDING)
+    assert work.mismatch == pytest.approx(ways, abs=ROUNDING)
     assert work.balance == pytest.approx(forces, abs=1e3 * ROUNDING)
     assert work.contact == pytest.approx(contacts, abs=1e3 * ROUNDING)
     inner = slice(1, -1)
-    assert work.g[inner] == pytest.approx(moments[inner], abs=1e3 * ROUNDING)
-    assert work.g[[0, -1]] == pytest.approx(moments[[0, -1]], abs=1e3 * ROUNDING)
+    assert work.evaluation.g[inner] == pytest.approx(moments[inner], abs=1e3 * ROUNDING)
+    assert work.evaluation.g[[0, -1]] == pytest.approx(moments[[0, -1]], abs=1e3 * ROUNDING)
 
 
 @pytest.mark.parametrize("coulomb", [True, False])
@@ -195,7 +195,7 @@ def test_the_tangent_is_the_derivative(seed: int, drag: float, coulomb: bool) ->
     assert {int(kind) for kind in work.kinds[1:-1].ravel()} == ({*KINDS} if coulomb else {OPEN, SLIP})
     # the tangent leaves out that moments turn with their own sections, half as much by this chart
     for i in range(1, len(rows.psi) - 1):
-        g = work.g[i]
+        g = work.evaluation.g[i]
         cross = np.array([[0.0, -g[2], g[1]], [g[2], 0.0, -g[0]], [-g[1], g[0], 0.0]])
         at_i = slice(rows.psi[i], rows.psi[i] + 3)
         exact[at_i, at_i] += 0.5 * cross

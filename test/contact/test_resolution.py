@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cable_ros.contact.patches import NODES, SAMPLES, WEIGHTS
-from cable_ros.contact.points import COLUMNS, FRICTION, KIND, LENGTH, ROW, SAMPLE
+from cable_ros.contact.points import COLUMNS, FRICTION, KIND, LENGTH, NUMBER, SAMPLE
 from cable_ros.contact.resolution import highest_mode
 
 H = 0.2
@@ -17,7 +17,7 @@ def rubbing(traction: np.ndarray, first: int = 0) -> np.ndarray:
     """Samples (SAMPLES, COLUMNS) of one element of length H, with this `traction` (SAMPLES,) along y."""
     points = np.zeros((SAMPLES, COLUMNS))
     points[:, KIND], points[:, LENGTH] = SAMPLE, H * WEIGHTS
-    points[:, ROW] = first + np.arange(SAMPLES)
+    points[:, NUMBER] = first + np.arange(SAMPLES)
     points[:, FRICTION + 1] = traction * points[:, LENGTH]
     return points
 

@@ -8,7 +8,7 @@ import pytest
 
 from cable_ros import Status, Tracker
 from cable_ros.contact.distance import BOX, PLANE, SPHERE, WIDTH
-from cable_ros.contact.shortest_path import PARTS, shortest_way, too_short, ways
+from cable_ros.contact.shortest_path import PARTS, shortest_path, taut_strings, too_short
 
 
 def obstacle(kind: float, center: tuple[float, float, float], *sizes: float) -> np.ndarray:
@@ -25,20 +25,20 @@ END = np.array([0.9, 0.0, 0.0])
 def test_round_a_sphere(height: float) -> None:
     """Two tangents and an arc."""
     radius, center = 0.2, np.array([0.45, height, 0.0])
-    ways = [np.sqrt(np.sum((end - center) ** 2) - radius**2) for end in (np.zeros(3), END)]
+    taut_strings = [np.sqrt(np.sum((end - center) ** 2) - radius**2) for end in (np.zeros(3), END)]
     between = np.arccos(-center @ (END - center) / np.linalg.norm(center) / np.linalg.norm(END - center))
-    turned = between - sum(np.arctan2(way, radius) for way in ways)
-    length, way = shortest_way(END, np.array([obstacle(SPHERE, tuple(center), radius)]), 0.0)
+    turned = between - sum(np.arctan2(way, radius) for way in taut_strings)
+    length, way = shortest_path(END, np.array([obstacle(SPHERE, tuple(center), radius)]), 0.0)
     # the polygon's parts, 1/PARTS long, cut the arc short by less than a fourth of the part's own share of
     # turn squared, and it may end a hundredth of a part off its minimum
-    assert sum(ways) + radius * turned - (1.0 / PARTS / radius) ** 2 / 24 < length
-    assert length < sum(ways) + radius * turned + 1e-4
+    assert sum(taut_strings) + radius * turned - (1.0 / PARTS / radius) ** 2 / 24 < length
+    assert length < sum(taut_strings) + radius * turned + 1e-4
     assert np.linalg.norm(way - center, axis=1).min() > radius - 1e-9
 
 
 def test_over_a_box_by_the_shorter_side() -> None:
     box = obstacle(BOX, (0.45, 0.1, 0.0), 0.1, 0.2, 5.0)  # from y = -0.1 to 0.3, endless along z
-    length, way = shortest_way(END, np.array([box]), 0.0)
+    length, way = shortest_path(END, np.array([box]), 0.0)
     exact = 2.0 * np.hypot(0.35, 0.1) + 0.2
     # each corner is cut by a part of the string at most: its detour is one of 1/PARTS by 0.14 rad
     assert exact - 1e-3 < length < exact + 1e-4
@@ -48,7 +48,7 @@ def test_over_a_box_by_the_shorter_side() -> None:
 def test_a_free_way_is_the_chord() -> None:
     ground = obstacle(PLANE, (0.0, -0.1, 0.0))
     ground[4:13] = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]).ravel()
-    length, _ = shortest_way(END, np.array([ground]), 0.0)
+    length, _ = shortest_path(END, np.array([ground]), 0.0)
     assert length == pytest.approx(0.9, abs=1e-12)
     assert too_short(END, np.array([ground]), 1.0) is None
 
@@ -69,7 +69,7 @@ def test_a_corner_that_the_coarse_string_cuts_is_not_counted_as_slack() -> None:
     box = obstacle(BOX, (0.45, 0.0, 0.0), 0.1, 0.2, 5.0)
     around = 2.0 * np.hypot(0.35, 0.2) + 0.2
     reach = around - 4e-3
-    coarse, _ = shortest_way(END, np.array([box]), 0.0)
+    coarse, _ = shortest_path(END, np.array([box]), 0.0)
     assert coarse < reach
     found = too_short(END, np.array([box]), reach)
     assert found is not None
@@ -80,11 +80,11 @@ def test_a_corner_that_the_coarse_string_cuts_is_not_counted_as_slack() -> None:
 
 def test_every_way_past_a_box_is_found_once() -> None:
     bar = obstacle(BOX, (0.45, 0.0, 0.0), 0.05, 0.1, 5.0)  # endless along z: over it or under it
-    found = ways(END, np.array([bar]), 1.0)
+    found = taut_strings(END, np.array([bar]), 1.0)
     assert len(found) == 2
     middles = sorted(float(r[PARTS // 2, 1]) for r in found)
     assert middles == pytest.approx([-0.1, 0.1], abs=1e-6)
-    assert not ways(END, np.array([bar]), 0.9)
+    assert not taut_strings(END, np.array([bar]), 0.9)
 
 
 def test_a_cable_that_is_too_short_is_told_so() -> None:
@@ -108,6 +108,6 @@ def test_a_cable_that_is_too_short_is_told_so() -> None:
     assert found.status is Status.OUT_OF_REACH
     # two tangents of 0.332 m from 0.45 m and the arc between them: 1.177 m round radius 0.305 m
     assert "'short' is too short to get past obstacle 'ball'" in found.message
-    ways = 2.0 * np.sqrt(0.45**2 - 0.305**2)
-    missing = 1e3 * (ways + 0.305 * (np.pi - 2.0 * np.arctan2(ways / 2.0, 0.305)) - 1.0)
+    taut_strings = 2.0 * np.sqrt(0.45**2 - 0.305**2)
+    missing = 1e3 * (taut_strings + 0.305 * (np.pi - 2.0 * np.arctan2(taut_strings / 2.0, 0.305)) - 1.0)
     assert float(found.message.split("is ")[-1].split(" mm")[0]) == pytest.approx(missing, abs=1.0)

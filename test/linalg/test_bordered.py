@@ -11,6 +11,7 @@ from cable_ros.linalg import bordered
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import Tangents
 
 ORDER = 4
 # 1e-16 times the condition of these systems, up to 1e6.
@@ -97,6 +98,10 @@ def test_products_of_the_problem() -> None:
     assert rod.derivative(s) == pytest.approx(rod.C @ s)
 
 
+def tangents(rod: Rod) -> Tangents:
+    return Tangents(rod.elastic, rod.geometric, rod.parts, rod.C)
+
+
 def borders(rod: Rod, extra: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """C and `extra` more rows V, their deltas, and the inner columns of V."""
     rng = np.random.default_rng([seed, extra])
@@ -114,15 +119,14 @@ def test_borders_with_a_compliance_are_springs(seed: int, extra: int, force: flo
     V, delta, Vi = borders(rod, extra, seed)
     rows, n = 3 + extra, len(rod.elastic)
     Y, S = np.zeros((rows, n)), np.zeros((rows, rows))
-    convex = bordered.border_factor(
-        rod.elastic, rod.geometric, 0.0, ORDER, rod.A, rod.L, rod.pivots, V, delta, rows, 3, Y, S
-    )
+    factors = bordered.Factors(rod.A, rod.L, rod.pivots, Y, S)
+    convex = bordered.border_factor(tangents(rod), 0.0, ORDER, factors, V, delta, rows, 3)
     sprung = H + sum((np.outer(v, v) / d for v, d in zip(Vi[3:], delta[3:], strict=True)), np.zeros_like(H))
     assert convex == positive_on_kernel(sprung, C)
 
     violation = np.random.default_rng(seed).normal(size=rows)
     s, y = np.empty(n), np.empty(rows)
-    bordered.border_step(gradient, violation, V, rows, ORDER, rod.L, rod.pivots, Y, S, s, y)
+    bordered.border_step(gradient, violation, V, rows, ORDER, factors, s, y)
     both = np.block([[H, -Vi.T], [Vi, np.diag(delta)]])
     expected = np.linalg.solve(both, -np.concatenate([gradient[inner], violation]))
     scale = CLOSE * np.abs(expected).max()
@@ -138,7 +142,7 @@ def test_turning_the_end_section() -> None:
     turn = np.zeros(len(H))
     turn[-3:] = theta
     g, c = np.zeros(len(H)), np.zeros(3)
-    bordered.end_coupling(rod.elastic, rod.geometric, rod.C, 3, theta, g, c)
+    bordered.end_coupling(tangents(rod), rod.C, 3, theta, g, c)
     assert g[:-3] == pytest.approx((H @ turn)[:-3], abs=1e-10)
     assert c == pytest.approx(rod.C @ turn, abs=1e-12)
 
@@ -149,7 +153,7 @@ def test_moment_of_the_end_clamp_after_a_step() -> None:
     s = np.random.default_rng(0).normal(size=len(H))
     s[-3:] = 0.0
     dF = np.array([1.0, 2.0, -3.0])
-    found = bordered.end_rows(rod.elastic, rod.geometric, rod.C, 3, s, dF)
+    found = bordered.end_rows(tangents(rod), rod.C, 3, s, dF)
     assert found == pytest.approx((H @ s - rod.C.T @ dF)[-3:], abs=1e-10)
 
 

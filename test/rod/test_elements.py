@@ -14,6 +14,7 @@ from cable_ros.rod.elements import (
     enrichment,
     lagrange,
     lobatto_nodes,
+    primitives,
     reference_element,
     sampling,
 )
@@ -62,7 +63,9 @@ def test_polynomials_of_the_order_are_interpolated_exactly(order: int) -> None:
 @pytest.mark.parametrize("order", [3, 6, 9])
 def test_tables_as_the_kernels_take_them(order: int) -> None:
     element = reference_element(order)
-    values, slopes, three, three_slopes, points, weights, by_point, by_node = element.tables
+    values, slopes, three, three_slopes, points, weights, by_point, by_node, nodes, integrals = element.tables
+    assert nodes is element.nodes
+    assert np.array_equal(integrals, primitives(element))
     assert values is element.values
     assert slopes is element.slopes
     assert points is element.points

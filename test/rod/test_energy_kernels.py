@@ -12,6 +12,7 @@ from references import plain_rod
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.energy_kernels import gradient, hessian, workspace
+from cable_ros.rod.rod_state import Evaluation, Grid, Section, Tangents
 
 # Sums of some thousand products of numbers up to the largest entry of what is compared.
 ROUNDING = 1e-12
@@ -53,14 +54,16 @@ def state(order: int, seed: int = 0) -> State:
     )
 
 
+def grid(mesh: Mesh) -> Grid:
+    return Grid(mesh.lengths, mesh.starts, mesh.element.tables)
+
+
 def run_gradient(at: State, q: np.ndarray, acc: np.ndarray | None = None):
     mesh = at.mesh
     acc = np.zeros_like(q) if acc is None else acc
     g, radial, totals = np.empty((len(q), 3)), np.empty(len(q)), np.empty(5)
-    gradient(
-        q, at.F, at.f, at.K, at.kappa0, mesh.lengths, mesh.starts, mesh.element.tables,
-        workspace(mesh.lengths, mesh.element.tables), acc, g, radial, totals,
-    )  # fmt: skip
+    lanes = workspace(mesh.lengths, mesh.element.tables.by_point)
+    gradient(q, at.F, at.f, Section(at.K, at.kappa0), grid(mesh), Evaluation(acc, g, radial, totals, lanes))
     return g, radial, totals
 
 
@@ -70,10 +73,8 @@ def run_hessian(at: State):
     band = 3 * (order + 1)
     elastic, geometric = np.empty((3 * nodes, band)), np.empty((3 * nodes, band))
     parts, C = np.empty((len(at.mesh.lengths), 3, band)), np.empty((3, 3 * nodes))
-    hessian(
-        at.q, at.F, at.f, at.K, at.kappa0, at.mesh.lengths, at.mesh.starts, at.mesh.element.tables, radial,
-        elastic, geometric, parts, C,
-    )  # fmt: skip
+    tangents = Tangents(elastic, geometric, parts, C)
+    hessian(at.q, at.F, at.f, Section(at.K, at.kappa0), grid(at.mesh), radial, tangents)
     return elastic, geometric, parts, C
 
 

@@ -22,6 +22,7 @@ from cable_ros.rod.initial_shapes import (
     transport,
     unloaded,
 )
+from cable_ros.rod.rod_state import Evaluation, Grid, Section
 
 MESH = Mesh(reference_element(6), np.full(8, 0.125))
 NODES = MESH.nodes
@@ -35,10 +36,10 @@ def totals(q: np.ndarray, mesh: Mesh = MESH) -> np.ndarray:
     """End position (3), energy with unit stiffness, twist of frames q."""
     g, radial, out = np.empty((len(q), 3)), np.empty(len(q)), np.empty(5)
     force, nothing = np.zeros((len(mesh.lengths), 3)), np.zeros(3)
-    gradient(
-        q, force, nothing, np.ones(3), nothing, mesh.lengths, mesh.starts, mesh.element.tables,
-        workspace(mesh.lengths, mesh.element.tables), np.zeros_like(q), g, radial, out,
-    )  # fmt: skip
+    grid = Grid(mesh.lengths, mesh.starts, mesh.element.tables)
+    lanes = workspace(mesh.lengths, mesh.element.tables.by_point)
+    evaluation = Evaluation(np.zeros_like(q), g, radial, out, lanes)
+    gradient(q, force, nothing, Section(np.ones(3), nothing), grid, evaluation)
     return out
 
 

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from cable_ros.branch.cold_start import Found, settle
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import Path
 from cable_ros.solve.trust_region import Options
 
 ARM = KNOWN["space_arm_+0.0deg"]
@@ -151,8 +152,8 @@ def test_the_margin_that_is_kept_is_right_to_a_part_of_itself() -> None:
         qe, re, f = conditions_at(np.radians(degrees))
         code, _, q, F = rod.advance(q, F, qe if qe @ q[-1] > 0 else -qe, re, f, 1e-9)
         assert code == warm_step.ADVANCED
-        kept += rod.drift > 0.0
-        margin = rod.stability_margin() if rod.drift == 0.0 else margin
+        kept += rod.rotation > 0.0
+        margin = rod.stability_margin() if rod.rotation == 0.0 else margin
         twin = rod.variant()
         assert twin.refactor(q, F)
         # a tenth is aimed at; how fast the margin changes is known from before
@@ -229,18 +230,18 @@ def test_a_start_ahead_is_on_the_polynomial_through_the_last_ones() -> None:
     forces = np.outer(t**2, [1.0, -2.0, 3.0]) + np.outer(t, [0.5, 0.0, 1.0])
     shapes = np.array([[[1.0, 0.1 * x + x * x, 0.0, -x]] * 4 for x in t])
     q, F = np.empty((4, 4)), np.empty(3)
-    turned = warm_step.ahead(3, shapes[:3], forces[:3], places[:3], places[3], q, F)
+    turned = warm_step.extrapolate(Path(shapes[:3], forces[:3], places[:3]), 3, places[3], q, F)
     assert pytest.approx(forces[3], rel=1e-12) == F
     assert q == pytest.approx(shapes[3] / np.linalg.norm(shapes[3], axis=1)[:, None], rel=1e-12)
     assert turned == pytest.approx(2.0 * np.abs(shapes[3] - shapes[0]).max(), rel=1e-12)
     # Two known: a line, which misses the parabola but tells the conditions as well.
-    warm_step.ahead(2, shapes[:3], forces[:3], places[:3], places[3], q, F)
+    warm_step.extrapolate(Path(shapes[:3], forces[:3], places[:3]), 2, places[3], q, F)
     assert pytest.approx(forces[0] + (forces[0] - forces[1]) * 0.8, rel=1e-12) == F
     # Nothing where the way bends, or the last ones are too close together to tell.
     aside = places[0] + 0.1 * np.eye(10)[0]
-    assert warm_step.ahead(3, shapes[:3], forces[:3], places[:3], aside, q, F) == 0.0
+    assert warm_step.extrapolate(Path(shapes[:3], forces[:3], places[:3]), 3, aside, q, F) == 0.0
     close = places[0] + np.outer([0.0, 1e-3, 2e-3], line)
-    assert warm_step.ahead(3, shapes[:3], forces[:3], close, places[3], q, F) == 0.0
+    assert warm_step.extrapolate(Path(shapes[:3], forces[:3], close), 3, places[3], q, F) == 0.0
 
 
 def test_old_factors_serve_small_steps() -> None:
@@ -253,7 +254,7 @@ def test_old_factors_serve_small_steps() -> None:
         qe = qe if qe @ q[-1] > 0 else -qe
         code, _, q, F = found.rod.advance(q, F, qe, re, f, 1e-11)
         assert code == warm_step.ADVANCED
-        kept += found.rod.drift > 0.0
+        kept += found.rod.rotation > 0.0
     assert kept > 5
     moved = Rod(found.rod.mesh, found.rod.K)
     moved.set_conditions(found.rod.qe, found.rod.re, found.rod.f)

@@ -31,10 +31,7 @@ def test_polyline_is_the_integral_of_its_own_tangents(order, lengths, count):
     start = np.array([0.3, -1.2, 0.5, *Rotation.from_rotvec([0.4, -2.0, 1.1]).as_quat()])
     table = sampling(mesh, count)
     points, orientations = np.empty((count, 3)), np.empty((count, 4))
-    polyline(
-        q, mesh.lengths, table.element, table.values, table.weights, table.quadrature,
-        start, LENGTH, points, orientations,
-    )  # fmt: skip
+    polyline(q, mesh.lengths, table, start, LENGTH, points, orientations)
 
     fine = np.linspace(0.0, 1.0, 100 * 40 * 6 + 1)  # holds every coarse arc length
     clamp = Rotation.from_quat(start[3:])
@@ -55,10 +52,7 @@ def test_without_tables_the_polyline_is_the_same(order, lengths):
     start = np.array([0.3, -1.2, 0.5, *Rotation.from_rotvec([0.4, -2.0, 1.1]).as_quat()])
     table = sampling(mesh, 50)
     results = [(np.empty((50, 3)), np.empty((50, 4))) for _ in range(2)]
-    polyline(
-        q, mesh.lengths, table.element, table.values, table.weights, table.quadrature,
-        start, LENGTH, *results[0],
-    )  # fmt: skip
+    polyline(q, mesh.lengths, table, start, LENGTH, *results[0])
     polyline_anywhere(q, mesh.lengths, mesh.starts, *integrals(order), start, LENGTH, *results[1])
     # the same integrals, but in powers of the place: their coefficients cancel to some 1e-11
     assert results[1][0] == pytest.approx(results[0][0], abs=1e-10)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Groups of arguments of an active-set rod's compiled functions: m elements, n nodes, o obstacles.
+
+Units of the cable, start clamp's frame, quaternions scalar first.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.compilation import LEAF, njit
+from cable_ros.linalg.bordered import Factors
+from cable_ros.rod.rod_state import ConstraintRows, Evaluation, Grid, Tangents, grid_of
+
+
+class Shape(NamedTuple):
+    """Where the cable is; changes in every iteration."""
+
+    q: np.ndarray
+    """(n, 4) nodal frames."""
+    c: np.ndarray
+    """(m, g + 1, 3) coefficients of the centreline, see `centreline.curve`."""
+    grid: Grid
+    """The mesh."""
+
+
+class Surface(NamedTuple):
+    """What `interfaces.gap_at` finds; workspace."""
+
+    r: np.ndarray
+    """(3,) position on the centreline, L."""
+    t: np.ndarray
+    """(3,) tangent."""
+    dt: np.ndarray
+    """(3,) curvature vector, 1 / L."""
+    n: np.ndarray
+    """(3,) the obstacle's normal."""
+    directions: np.ndarray
+    """(2, 3) principal directions of the gap's Hessian."""
+    bends: np.ndarray
+    """(2,) its eigenvalues, 1 / L."""
+
+
+class ContactSet(NamedTuple):
+    """The contact points; change with the active set and in every iteration."""
+
+    points: np.ndarray
+    """(CAPACITY, COLUMNS), see `contact.points`."""
+    gaps: np.ndarray
+    """(rows,) what the constraints after the end position are off, see `assembly.assemble_kkt`."""
+    normals: np.ndarray
+    """(CAPACITY, 3) normals of the obstacles at the contact points."""
+
+
+class History(NamedTuple):
+    """What friction opposes: the motion since the last equilibrium; changes with every step."""
+
+    model: int
+    """FRICTIONLESS, COULOMB or SLIDING, see `friction_kernels`."""
+    direction: np.ndarray
+    """(3,) direction in which the end goes, times the mobilised fraction of the friction; for SLIDING."""
+    c: np.ndarray
+    """(m, g + 1, 3) the centreline of the last equilibrium."""
+    h: np.ndarray
+    """(m,) lengths of its elements, L."""
+    s0: np.ndarray
+    """(m,) arc lengths at which they start, L."""
+    obstacles: np.ndarray
+    """(o, WIDTH) the obstacles there."""
+
+
+class Last(NamedTuple):
+    """The equilibrium that a step starts from; changes with every step."""
+
+    q: np.ndarray
+    """(n, 4) nodal frames."""
+    F: np.ndarray
+    """(3,) end force, EI / L^2."""
+    f: np.ndarray
+    """(3,) load per length there, EI / L^3."""
+    obstacles: np.ndarray
+    """(o, WIDTH) the obstacles there."""
+    size: int
+    """Number of its contact points."""
+    rows: int
+    """Number of its constraint rows."""
+    ready: bool
+    """Whether the factors are those of this equilibrium, or of an earlier one with the same rows."""
+    known: bool
+    """Whether its gradient is still there."""
+
+
+class Options(NamedTuple):
+    """How exactly contact is resolved; change with the tolerance and the mesh."""
+
+    model: int
+    """FRICTIONLESS, COULOMB or SLIDING, see `friction_kernels`."""
+    direction: np.ndarray
+    """(3,) see `History.direction`."""
+    samples: np.ndarray
+    """(k,) equally spaced arc lengths at which contact is looked for."""
+    depth: float
+    """Depth up to which a point may be inside an obstacle, L."""
+    give: float
+    """The same beside contact patches and within them, L."""
+    finest: float
+    """Spacing that measures elements along patches, L."""
+
+
+class KKT(NamedTuple):
+    """The bordered system of an iteration; changes as its members do."""
+
+    evaluation: Evaluation
+    """Right-hand side."""
+    tangents: Tangents
+    """Matrix."""
+    rows: ConstraintRows
+    """Its constraint rows."""
+    factors: Factors
+    """Its factors."""
+
+
+class PointTerms(NamedTuple):
+    """What the equations need to know of each of k contact points; workspace of `assembly`."""
+
+    directions: np.ndarray
+    """(k, 2, 3) principal directions of the surface."""
+    bends: np.ndarray
+    """(k, 2) its curvatures along them, 1 / L."""
+    curvature: np.ndarray
+    """(k,) curvature of the gap along the cable, at points; 0 in patches."""
+    slopes: np.ndarray
+    """(k, 3) derivative of the gap's slope along the cable by the position, 1 / L."""
+    tilts: np.ndarray
+    """(k,) slope of the gap along the cable."""
+    tangents: np.ndarray
+    """(k, friction_kernels.TANGENT) tangents of friction."""
+    misfits: np.ndarray
+    """(k, 3) how far the spring of what sticks is off its force, L."""
+
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**OPTIONS)
+def surface() -> Surface:
+    """A new `Surface`."""
+    return Surface(np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3)), np.empty(2))
+
+
+@njit(inline="always", **LEAF)
+def shape_of(shape):  # type: ignore[no-untyped-def]
+    """`Shape` of the tuple `shape`: q, c, and the fields of `Grid`."""
+    q, c, grid = shape
+    return Shape(q, c, grid_of(grid))
+
+
+@njit(inline="always", **LEAF)
+def kkt_of(kkt):  # type: ignore[no-untyped-def]
+    """`KKT` of the tuple `kkt`: the fields of `Evaluation`, `Tangents`, `ConstraintRows` and `Factors`."""
+    evaluation, tangents, rows, factors = kkt
+    return KKT(Evaluation(*evaluation), Tangents(*tangents), ConstraintRows(*rows), Factors(*factors))

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rod whose contacts sit at fixed material points: where it is, and what it says of an equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.contact.distance import gaps
+from cable_ros.contact.nodal_kernels import COMPLIANCE, contact_frames, residuals
+from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_response
+from cable_ros.contact.nodal_stability import ITERATIONS, condensed, softest
+from cable_ros.contact.nodal_state import ORDER, Model, State, Step, spaces, workplace
+from cable_ros.contact.nodal_tangent import jacobian
+from cable_ros.linalg.band_lu import band_factor
+from cable_ros.rod import quaternion
+from cable_ros.rod.elements import Mesh, reference_element
+from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.rod_state import ENERGY, Evaluation, Grid, Section, Tangents
+
+FEWEST, MOST = 80, 192
+"""Least and most points at which it may touch."""
+LAYER = 11.0
+"""Number of points along the length (EI / F)^1/2 over which a cable bends under its force F."""
+NORMAL, TANGENTIAL = 1e4, 1e6
+"""Scales of the projections of normal force and friction, EI / L^3."""
+FIRST = np.array([1.0, 0.0, 0.0])
+"""First direction of a contact's frame before anything has touched, not yet projected along the normal."""
+
+
+def cells(count: int) -> Mesh:
+    """The mesh whose inner boundaries are the middles of `count` equal cells.
+
+    Each contact stands for one cell. With a contact at the ends of cells the clamps would bear half of one.
+    """
+    lengths = np.full(count + 1, 1.0 / count)
+    lengths[[0, -1]] *= 0.5
+    return Mesh(reference_element(ORDER), lengths)
+
+
+def places_for(force: float) -> int:
+    """Number of points for a cable whose internal force, EI / L^2, is at most `force`."""
+    return int(np.clip(32 * np.ceil(LAYER / 32 * np.sqrt(force)), FEWEST, MOST))
+
+
+class Known(NamedTuple):
+    """An equilibrium with m elements and o obstacles, to make a rod that stands there."""
+
+    state: State
+    frames: np.ndarray
+    """(m + 1, o, 3) the first direction of each contact's frame."""
+    slips: np.ndarray
+    """(m + 1, o) bool, which contacts slip."""
+    step: Step | None
+    """The step that led there."""
+    under: np.ndarray
+    """(o, WIDTH) the obstacles there."""
+    conditions: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
+    """The conditions set: end frame (4,), end position (3,), load (3,) and obstacles (o, WIDTH)."""
+
+
+class NodalContacts(Rod):
+    """A rod in units of the cable whose contacts sit at the inner boundaries of its elements.
+
+    Args:
+        stiffness, natural: as in `Rod`.
+        obstacles: (o, WIDTH) that it may touch.
+        places: number of points at which it may touch, each in the middle of a cell; see `places_for`.
+        coulomb: whether there is friction.
+    """
+
+    def __init__(
+        self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
+        places: int = FEWEST, coulomb: bool = True,
+    ) -> None:  # fmt: skip
+        self.cells = places
+        super().__init__(cells(self.cells), stiffness, natural)
+        self.coulomb = coulomb
+        elements, count = len(self.h), len(obstacles)
+        self.state, self.before = State.zeros(elements, count), State.zeros(elements, count)
+        self._trial = State.zeros(elements, count)
+        self.obstacles, self._under = obstacles, obstacles  # those set, and those at the last equilibrium
+        self._size = 0, 0
+        self.frames = np.zeros((elements + 1, count, 3))
+        self.frames[:] = FIRST
+        self._slips = np.zeros((elements + 1, count), bool)
+        self._step: Step | None = None
+        self._moved = False  # whether `before` is the equilibrium before the last
+        evaluation, tangents, _ = self.saddle
+        self._model = Model(np.zeros(3), Section(self.K, self.natural), Grid(self.h, self.s0, self.tables))
+        self._work = workplace(Evaluation(*evaluation), elements, count)
+        self._tangents = Tangents(*tangents)
+        self._rows, self._band = spaces(elements, count)
+
+    @property
+    def shape(self) -> np.ndarray:
+        """(n, 4) frames of the last equilibrium."""
+        return self.state.q.copy()
+
+    @property
+    def end_force(self) -> np.ndarray:
+        """(3,) its end force."""
+        return self.state.F[-1].copy()
+
+    @property
+    def iteration_work(self) -> float:
+        """Half that of a rod without contact of so many unknowns."""
+        return 0.5 * len(self.elastic)
+
+    @property
+    def touches(self) -> bool:
+        """Whether it presses on anything."""
+        return bool(self.state.lam.any())
+
+    def set_conditions(
+        self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None
+    ) -> None:
+        super().set_conditions(qe, re, f)
+        if obstacles is not None:
+            self.obstacles = obstacles
+
+    def contact_force(self) -> np.ndarray:
+        return self.contact_forces().sum(axis=(0, 1))
+
+    def contact_forces(self) -> np.ndarray:
+        """(m + 1, o, 3): force of each obstacle on the cable at each boundary."""
+        return self._pressed()[1]
+
+    def _pressed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Normals and forces of the contacts, (m + 1, o, 3) each; zero where nothing presses."""
+        normals, forces = np.empty_like(self.frames), np.empty_like(self.frames)
+        contact_frames(self.state, self._under, self.frames, normals, forces)
+        return normals, forces
+
+    def lies_on(self, level: float) -> np.ndarray:
+        """(m + 1, o) bool: points that press on each obstacle, and all between two of them if all
+        gaps between are less than `level` / cells^2.
+        """
+        pressed = self.state.lam != 0.0
+        out = pressed.copy()
+        for o, obstacle in enumerate(self._under):
+            at = np.flatnonzero(pressed[:, o])
+            for low, high in pairwise(at.tolist()):
+                between = self.state.r[low + 1 : high]
+                if all(gaps(obstacle[None], r)[0] < level / self.cells**2 for r in between):
+                    out[low:high, o] = True
+        return out
+
+    def sliding(self) -> np.ndarray:
+        """(m + 1, o): which contacts slide."""
+        return self._slips
+
+    def contacts(self) -> tuple[np.ndarray, ...]:
+        """Arc lengths (c,), positions, normals and forces (c, 3), obstacles, whether they slide, and the
+        length along which each force is spread (c,), by rising arc length.
+
+        Three or more side by side are a patch, each the pressure on a cell.
+        """
+        at = np.nonzero(self.state.lam)
+        pressed = np.pad(self.state.lam != 0.0, ((2, 2), (0, 0)))
+        count = len(self.state.lam)
+        runs = [pressed[k : k + count] & pressed[k + 1 : k + 1 + count] & pressed[k + 2 : k + 2 + count]
+                for k in range(3)]  # fmt: skip
+        spread = np.where(runs[0] | runs[1] | runs[2], 1.0 / self.cells, 0.0)[at]
+        normals, forces = self._pressed()
+        places = np.append(self.s0, 1.0)[at[0]]
+        return places, self.state.r[at[0]], normals[at], forces[at], at[1], self.sliding()[at], spread
+
+    def _weigh(self) -> None:
+        """Add the weight's potential energy to the elastic one, which is all that `residuals` counts."""
+        self.totals[ENERGY] -= float(self.f @ self.state.r[1:-1].sum(axis=0)) / self.cells
+
+    def _integrate(self) -> None:
+        """Positions of the boundaries from the frames."""
+        tangents = quaternion.tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
+        displacements = self.h[:, None] * np.einsum(
+            "g,mga->ma", self.tables.weights, tangents.reshape(len(self.h), -1, 3)
+        )
+        self.state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(displacements, axis=0)))
+
+    def _gauss_places(self) -> np.ndarray:
+        """(m, g) arc lengths of the quadrature points."""
+        return np.asarray(self.s0[:, None] + self.h[:, None] * self.tables.points)
+
+    def depth(self, q: np.ndarray) -> float:
+        """How deep the shape q (n, 4) is inside obstacles, lengths; negative if it is clear of them."""
+        assert self.obstacles is not None
+        self.state.q[:] = q
+        self._integrate()
+        return -min(float(gaps(self.obstacles, r).min()) for r in self.state.r[1:-1])
+
+    def _known(self) -> Known:
+        """A copy of the last equilibrium."""
+        return Known(
+            self.state.copy(), self.frames.copy(), self._slips, self._step, self._under,
+            (self.qe, self.re, self.f, self.obstacles),
+        )  # fmt: skip
+
+    def _return(self, known: Known) -> None:
+        """Go back to an equilibrium of this rod, its conditions and its history."""
+        self.state.take(known.state)
+        self.frames, self._slips = known.frames, known.slips
+        self._step = None if known.step is None else known.step._replace(turned=known.frames)
+        self._under, self._moved = known.under, False
+        self.set_conditions(*known.conditions)
+
+    # what an equilibrium says
+
+    def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Energy at the last equilibrium, which (x, y) must be, and that all residuals vanish."""
+        return float(self.totals[ENERGY]), np.zeros(3), np.zeros(self.g.size)
+
+    def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
+        """Set up and factor the tangent at the last equilibrium, for the step that led there."""
+        state, step = self.state, self._last_step()
+        residuals(state, self._model, step, self._work)
+        self._weigh()
+        self._size = jacobian(
+            state, self._model, step, self._work, self._tangents, self._rows, self._band.a, self._band.b
+        )
+        self.rotation = 0.0
+        return bool(band_factor(self._band.a, *self._size, self._band.pivots))
+
+    def _last_step(self) -> Step:
+        """The step that led to the last equilibrium; if there was none, one that stays there."""
+        state = self.state
+        return self._step or Step(
+            state.q[-1], state.r[-1], self.f, self._under, np.repeat(state.r[:, None], state.lam.shape[1], 1),
+            self.frames, state.tau, state.q, state.r, 0.0, NORMAL, TANGENTIAL,
+            np.full(state.lam.shape, COMPLIANCE),
+        )  # fmt: skip
+
+    def _stable(self) -> bool:
+        return self._softest(1) > 0.0
+
+    def _softest(self, iterations: int = ITERATIONS) -> float:
+        """As `Rod.stability_margin`, of contacts and friction as they are; negative if it is not stable.
+
+        With fewer iterations it is too large.
+        """
+        self.refactor(self.state.q, self.state.F[-1])
+        at, _, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
+        return softest(self._tangents, self._rows, at, contacts, self.start_vector(), iterations)
+
+    def contact_stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the c contacts: boundaries (c,), obstacles (c,), and stiffness (c, 3, 3) against motion there.
+
+        At the last equilibrium, whose tangent must be set up, see `refactor`.
+        """
+        _, touched, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
+        return *touched, condensed(contacts)
+
+    def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        return self.wrench_response(q, F, ())
+
+    def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
+        """Derivative of the wrenches on clamps and obstacles, see `nodal_response.wrench_response`.
+
+        At the last equilibrium, which (q, F) must be.
+        """
+        state, (normals, forces) = self.state, self._pressed()
+        friction = forces - state.lam[:, :, None] * normals
+        step = standing(state, self._last_step(), friction, self.frames, self.sliding())
+        return wrench_response(
+            state, self._model, step, self._work, self._tangents, self._rows, self._band, forces, moving
+        )

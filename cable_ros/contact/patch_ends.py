@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled: touchdown and lift-off points of contact patches: how they move, meet and vanish.
+
+Where a cable lifts off a smooth surface, gap and slope are zero and a concentrated force acts. It acts where
+no couple is needed to hold the slope, that is where the curvature does not jump. Units of the cable, start
+clamp's frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import njit
+from cable_ros.contact.patches import SAMPLES, cover, grounded, sample_place
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    BEFORE,
+    FIRST,
+    FORCE,
+    KIND,
+    LAST,
+    NUMBER,
+    OBSTACLE,
+    POINT,
+    SAMPLE,
+    SHIFT,
+    SLOPE_ROW,
+    add,
+    remove,
+)
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+STRIDE = 2.0
+"""Maximum motion of an end in an iteration, in spacings of the samples."""
+ROOM = 0.45
+"""Maximum motion, fraction of the distance to what is next to it."""
+CREEP = 0.3
+"""An end that moves at least this fraction of its last motion again is sent to the limit of the geometric
+series of such motions."""
+FAINT = 1e-3
+"""Force, EI / L^2, below which its lever is taken for that of this force."""
+
+
+@njit(**OPTIONS)
+def move_ends(points, count, y, spacing):
+    """Move points and ends of patches to where no couple holds them; returns the largest motion, L.
+
+    The couple that holds the slope, divided by the force that acts there, is its lever; an end that pulls is
+    out too far.
+
+    Args:
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        y: (rows,) multipliers of the constraint rows.
+        spacing: of the samples, L.
+    """
+    largest = 0.0
+    shifts = np.zeros(count)
+    for i in range(count):
+        if points[i, KIND] == SAMPLE or points[i, SLOPE_ROW] == 0.0:
+            continue
+        back, forth = points[i, ARC_LENGTH], 1.0 - points[i, ARC_LENGTH]
+        for k in range(count):
+            d = points[k, ARC_LENGTH] - points[i, ARC_LENGTH]
+            if k == i or points[k, OBSTACLE] != points[i, OBSTACLE] or points[k, KIND] == SAMPLE:
+                continue
+            if d < 0.0:
+                back = min(back, -d)
+            else:
+                forth = min(forth, d)
+        shift = y[int(points[i, SLOPE_ROW])] / max(abs(points[i, FORCE]), FAINT)
+        if points[i, FORCE] < 0.0 and points[i, KIND] != POINT:
+            shift = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
+        last, points[i, SHIFT] = points[i, SHIFT], shift
+        if CREEP * last * last < shift * last < last * last:
+            shift, points[i, SHIFT] = shift / (1.0 - shift / last), 0.0
+        shift = min(max(shift, -STRIDE * spacing), STRIDE * spacing)
+        shifts[i] = min(max(shift, -ROOM * back), ROOM * forth)
+        largest = max(largest, abs(shifts[i]))
+    for i in range(count):
+        points[i, ARC_LENGTH] += shifts[i]
+    return largest
+
+
+@njit(**OPTIONS)
+def neighbour(points, count, i, kind):
+    """The next end of a patch after point i on its obstacle, if it is of this kind; else -1.
+
+    `points`, `count`: as in `move_ends`.
+    """
+    best = -1
+    for k in range(count):
+        if points[k, OBSTACLE] != points[i, OBSTACLE] or points[k, KIND] < FIRST:
+            continue
+        later = points[k, ARC_LENGTH] > points[i, ARC_LENGTH] or (
+            points[k, ARC_LENGTH] == points[i, ARC_LENGTH] and k > i
+        )
+        if k != i and later and (best < 0 or points[k, ARC_LENGTH] < points[best, ARC_LENGTH]):
+            best = k
+    return best if best >= 0 and points[best, KIND] == kind else -1
+
+
+@njit(**OPTIONS)
+def shrink(points, count, spacing, depth):
+    """Turn patches that are so short that they hardly dip into points.
+
+    Args:
+        points, count, spacing: as in `move_ends`.
+        depth: penetration that does not count, L.
+
+    Returns:
+        Whether there were any, and the number of points.
+    """
+    changed, i = False, 0
+    while i < count:
+        j = neighbour(points, count, i, LAST) if points[i, KIND] == FIRST else -1
+        length = points[j, ARC_LENGTH] - points[i, ARC_LENGTH] if j >= 0 else 1.0
+        if length < spacing and length**3 * (points[i, FORCE] + points[j, FORCE]) < depth:
+            points[i, FORCE : BEFORE + 3] += points[j, FORCE : BEFORE + 3]
+            o, low = points[i, OBSTACLE], points[i, ARC_LENGTH]
+            points[i, ARC_LENGTH], points[i, KIND] = low + 0.5 * length, POINT
+            count = remove(points, count, j)
+            count = clear(points, count, o, low, low + length)
+            changed, i = True, 0
+        else:
+            i += 1
+    return changed, count
+
+
+@njit(**OPTIONS)
+def settle(c, h, s0, points, count, spacing, obstacles, depth):
+    """Change the patches at a solution.
+
+    One that is so short that it hardly dips becomes a point, patches that meet become one, one that reaches
+    the clamp begins there, and where samples pull the cable lifts off.
+
+    Args:
+        c: (m, g + 1, 3) of `Shape`.
+        h, s0: (m,) of `Grid`.
+        points, count, spacing: as in `move_ends`.
+        obstacles: (o, WIDTH).
+        depth: penetration that does not count, L.
+
+    Returns:
+        Whether any have changed, and the number of points.
+    """
+    changed, count = shrink(points, count, spacing, 5.0 * depth)
+    i = 0
+    while i < count:
+        kind, s = points[i, KIND], points[i, ARC_LENGTH]
+        if kind < FIRST:
+            i += 1
+            continue
+        ob = obstacles[int(points[i, OBSTACLE])]
+        edge = 0.0 if kind == FIRST else 1.0
+        if abs(s - edge) < 0.5 * spacing and grounded(c, h, s0, ob, edge):
+            count = remove(points, count, i)
+            changed = True
+            continue
+        if kind == LAST:
+            j = neighbour(points, count, i, FIRST)
+            if j >= 0 and points[j, ARC_LENGTH] - s < 0.1 * spacing:
+                count = remove(points, count, max(i, j))
+                count = remove(points, count, min(i, j))
+                changed = True
+                i = 0
+                continue
+        if points[i, FORCE] < 0.0:
+            points[i, ARC_LENGTH] += (-0.5 if kind == FIRST else 0.5) * min(spacing, abs(s - edge))
+            changed = True
+        i += 1
+    lifted, count = lift_off(points, count, h, s0, obstacles.shape[0])
+    return changed or lifted, count
+
+
+@njit(**OPTIONS)
+def clear(points, count, o, low, high):
+    """Drop the samples on obstacle o between the arc lengths low and high; returns the number of points.
+
+    `points`, `count`: as in `move_ends`.
+    """
+    i = 0
+    while i < count:
+        if points[i, KIND] == SAMPLE and points[i, OBSTACLE] == o and low <= points[i, ARC_LENGTH] <= high:
+            count = remove(points, count, i)
+        else:
+            i += 1
+    return count
+
+
+@njit(**OPTIONS)
+def lift_off(points, count, h, s0, obstacles):
+    """Remove the samples that pull; a patch ends where several do.
+
+    Args:
+        points, count: as in `move_ends`.
+        h, s0: (m,) of `Grid`.
+        obstacles: their number.
+
+    Returns:
+        Whether there were any, and the number of points.
+    """
+    changed = False
+    size = SAMPLES * h.shape[0]
+    covered = np.empty((obstacles, size), np.bool_)
+    cover(points, count, h, s0, covered)
+    presses = np.empty(size, np.bool_)
+    pulls = np.empty(size, np.bool_)
+    for o in range(obstacles):
+        presses[:], pulls[:] = False, False
+        i = 0
+        while i < count:
+            if points[i, OBSTACLE] == o and points[i, KIND] == SAMPLE:
+                if points[i, FORCE] < 0.0:
+                    pulls[int(points[i, NUMBER])] = True
+                    changed = True
+                    count = remove(points, count, i)
+                    continue
+                presses[int(points[i, NUMBER])] = True
+            i += 1
+        g = 0
+        while g < size:
+            if not covered[o, g] or presses[g]:
+                g += 1
+                continue
+            first, any_pulls = g, False
+            while g < size and covered[o, g] and not presses[g]:
+                any_pulls = any_pulls or pulls[g]
+                g += 1
+            at_clamp = first == 0 or g == size
+            if not any_pulls or (g == first + 1 and not at_clamp):
+                continue
+            low = sample_place(first - 1, h, s0) if first > 0 and presses[first - 1] else -1.0
+            high = sample_place(g, h, s0) if g < size and presses[g] else -1.0
+            count = lift(
+                points, count, o, 0.5 * (sample_place(first, h, s0) + sample_place(g - 1, h, s0)), low, high
+            )
+    return changed, count
+
+
+@njit(**OPTIONS)
+def lift(points, count, o, s, low, high):
+    """Let the cable lift off about s; a patch's end becomes a point if no sample presses beside it.
+
+    Args:
+        points, count: as in `move_ends`.
+        o, s: obstacle and arc length, L.
+        low, high: arc lengths of the samples on both sides that still press, L; -1: none.
+
+    Returns:
+        The number of points.
+    """
+    for presses, end, kind in ((low, FIRST, LAST), (high, LAST, FIRST)):
+        if presses >= 0.0:
+            count = add(points, count, o, presses, kind)
+        else:
+            e = end_beside(points, count, o, s, end)
+            if e >= 0:
+                points[e, KIND] = POINT
+    return count
+
+
+@njit(**OPTIONS)
+def end_beside(points, count, o, s, kind):
+    """The end of a patch on obstacle o that is next to s, before it (FIRST) or after it (LAST); or -1.
+
+    `points`, `count`: as in `move_ends`; `kind`: FIRST or LAST.
+    """
+    best = -1
+    for i in range(count):
+        d = s - points[i, ARC_LENGTH] if kind == FIRST else points[i, ARC_LENGTH] - s
+        if points[i, OBSTACLE] != o or points[i, KIND] != kind or d < 0.0:
+            continue
+        if best < 0 or d < abs(points[best, ARC_LENGTH] - s):
+            best = i
+    return best
