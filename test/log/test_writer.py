@@ -156,7 +156,10 @@ while log.error is None:
     except AssertionError:  # refused: the log has stopped
         break
     time.sleep(0.001)
-before = log.dropped
+before = -1
+while before != log.dropped:  # what the queue still held is counted by the log's thread
+    before = log.dropped
+    time.sleep(0.1)
 log.write("/joint_states", "sensor_msgs/msg/JointState", b"", 0)
 assert log.dropped == before + 1
 log.close()
