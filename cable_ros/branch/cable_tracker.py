@@ -15,6 +15,7 @@ from cable_ros.branch import handover
 from cable_ros.branch.cold_start import (
     Conditions,
     Found,
+    Sought,
     better_mesh,
     equilibria,
     on_mesh,
@@ -358,8 +359,8 @@ class CableTracker(TrackedEquilibrium):
             return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
         if barred := self._no_way(conditions):
             return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
-        search = Search(self._stiffness, self._natural, self._compliance, conditions, hint, self.tolerance)
-        return self._search(Pending(search, joints, poses, told), begin)
+        sought = Sought(self._stiffness, self._natural, conditions, hint, self.tolerance, self._compliance)
+        return self._search(Pending(Search(sought), joints, poses, told), begin)
 
     def _search(self, pending: Pending, begin: float) -> Equilibrium:
         """Go on with a search: its result, `UNFINISHED` while it is not over."""
@@ -376,7 +377,7 @@ class CableTracker(TrackedEquilibrium):
         if found is None:
             return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
         if pending.told:
-            waiting, hint = self._standing.waiting, search.hint
+            waiting, hint = self._standing.waiting, search.sought.hint
             twist = "" if hint is None else f", total twist {hint:.3f} -> {found.twist:.3f} rad"
             self._lose(pending.told + twist)
             self._standing = replace(self._standing, waiting=waiting)
@@ -388,7 +389,7 @@ class CableTracker(TrackedEquilibrium):
         self._budget = max(self._budget, 1.0)  # some piece of it is done in any case
         pending = self._pending
         assert pending is not None
-        if pending.search.tolerance != self.tolerance:
+        if pending.search.sought.tolerance != self.tolerance:
             self._pending = None
             return None
         there = np.array_equal(joints, pending.joints)

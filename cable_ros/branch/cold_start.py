@@ -49,6 +49,23 @@ class Conditions:
 
 
 @dataclass(frozen=True, eq=False)
+class Sought:
+    """A pose whose equilibrium is sought, in units of the cable."""
+
+    stiffness: np.ndarray
+    """(3,) about the section's axes."""
+    natural: np.ndarray
+    """(3,) curvature and twist of the unloaded cable."""
+    conditions: Conditions
+    hint: float | None
+    """Total twist that is asked for, rad; None: any."""
+    tolerance: float
+    """Of the end wrench, relative."""
+    compliance: np.ndarray | None = None
+    """(3,) by which it stretches and shears; None: not at all."""
+
+
+@dataclass(frozen=True, eq=False)
 class Found:
     """A stable equilibrium: the factored rod and where it is."""
 
@@ -167,31 +184,24 @@ class Starts:
     """Descents from a fixed list of start shapes to the stable equilibria of one pose, one after the other.
 
     Args:
-        stiffness, natural, compliance: (3,) of the cable, in units of its own; the last may be None.
-        conditions: the pose.
-        hint: total twist that is asked for, rad, or None.
-        tolerance: of the end wrench; the mesh is a coarse one for it.
+        sought: the pose and what is asked for there; the mesh is a coarse one for its tolerance.
         thorough: whether to go on after an equilibrium whose twist is within NEAR of the hint.
     """
 
-    def __init__(
-        self, stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, hint: float | None,
-        tolerance: float, thorough: bool, compliance: np.ndarray | None = None,
-    ) -> None:  # fmt: skip
+    def __init__(self, sought: Sought, thorough: bool) -> None:
         self.found: list[Found] = []
         """Distinct equilibria on the coarse mesh, as they came."""
-        self._stiffness, self._compliance = stiffness, compliance
-        self._natural = np.zeros(3) if natural is None else natural
-        self._conditions, self._hint = conditions, hint
-        self._tolerance, self._thorough = tolerance, thorough
-        turns = abs(hint or 0.0) + float(np.linalg.norm(self._natural))
-        self._mesh = first_mesh(conditions, turns, tolerance)
+        self._sought, self._thorough = sought, thorough
+        conditions, natural = sought.conditions, sought.natural
+        turns = abs(sought.hint or 0.0) + float(np.linalg.norm(natural))
+        self._mesh = first_mesh(conditions, turns, sought.tolerance)
         self._seen: list[np.ndarray] = []
-        chord = float(np.linalg.norm(conditions.re))
-        self._taut = compliance is not None and chord > TAUT
-        re = conditions.re if compliance is None else conditions.re * min(1.0, SLACK / max(chord, SLACK))
+        chord, re = float(np.linalg.norm(conditions.re)), conditions.re
+        self._taut = sought.compliance is not None and chord > TAUT
+        if sought.compliance is not None:
+            re = re * min(1.0, SLACK / max(chord, SLACK))
         nodes, qe, f = self._mesh.nodes, conditions.qe, conditions.f
-        self._shapes = list(starts(nodes, qe, re, f, hint, self._natural, self._taut))
+        self._shapes = list(starts(nodes, qe, re, f, sought.hint, natural, self._taut))
         self._strings: list[np.ndarray] | None = None  # the shortest ways past the obstacles
 
     @property
@@ -223,13 +233,14 @@ class Starts:
 
     def _rod(self) -> Rod:
         rod: Rod
-        conditions = self._conditions
-        if self._compliance is not None:
-            rod = StretchingRod(self._mesh, self._stiffness, self._natural, self._compliance)
+        sought, conditions = self._sought, self._sought.conditions
+        section = self._mesh, sought.stiffness, sought.natural
+        if sought.compliance is not None:
+            rod = StretchingRod(*section, sought.compliance)
         elif conditions.obstacles is None:
-            rod = Rod(self._mesh, self._stiffness, self._natural)
+            rod = Rod(*section)
         else:
-            rod = TouchingRod(self._mesh, self._stiffness, self._natural, max(self._tolerance, SEARCH))
+            rod = TouchingRod(*section, max(sought.tolerance, SEARCH))
             rod.seen = self._seen
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
         return rod
@@ -238,7 +249,8 @@ class Starts:
         """The equilibrium that a descent from the next shortest way past the obstacles leads to."""
         assert isinstance(rod, TouchingRod)
         assert self._strings
-        q = along(self._strings.pop(0), self._mesh.nodes, rod.qe, self._hint, self._natural)
+        sought = self._sought
+        q = along(self._strings.pop(0), self._mesh.nodes, rod.qe, sought.hint, sought.natural)
         one = _found(rod, descend(rod, q, np.zeros(3), SEARCH_OPTIONS, 1, taut=True))
         if one is not None:
             self._strings.clear()
@@ -252,7 +264,8 @@ class Starts:
                 self._shapes.clear()  # pulled straight, all starts of one twist are one
             return
         self.found.append(one)
-        if self._hint is not None and not self._thorough and abs(one.twist - self._hint) < NEAR:
+        hint = self._sought.hint
+        if hint is not None and not self._thorough and abs(one.twist - hint) < NEAR:
             self._shapes.clear()
 
 
@@ -261,7 +274,8 @@ def equilibria(
     tolerance: float = 1e-4, thorough: bool = True, compliance: np.ndarray | None = None,
 ) -> list[Found]:  # fmt: skip
     """All that `Starts` leads to, by rising energy."""
-    search = Starts(stiffness, natural, conditions, hint, tolerance, thorough, compliance)
+    natural = np.zeros(3) if natural is None else natural
+    search = Starts(Sought(stiffness, natural, conditions, hint, tolerance, compliance), thorough)
     while not search.over:
         search.descend()
     return sorted(search.found, key=lambda one: one.energy)

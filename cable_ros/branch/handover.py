@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import LIMIT, Conditions, Found, first_mesh, refine
+from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Sought, first_mesh, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.nodal_contacts import places_for
 from cable_ros.contact.nodal_rod import NodalRod
@@ -106,19 +106,12 @@ class Rest:
     """A last resort of a search: start shapes come to rest on a grid, the least deep inside obstacles first.
 
     Args:
-        stiffness, natural: (3,) of the cable, in units of its own.
-        conditions: the pose; without obstacles there is nothing to try.
-        hint: total twist that is asked for, rad, or None.
-        tolerance: of the end wrench.
+        sought: the pose; without obstacles there is nothing to try.
     """
 
-    def __init__(
-        self, stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None,
-        tolerance: float,
-    ) -> None:  # fmt: skip
-        self._section, self._conditions = (stiffness, natural), conditions
-        self._hint, self._tolerance = hint, tolerance
-        self._shapes: list[np.ndarray] | None = None if conditions.obstacles is not None else []
+    def __init__(self, sought: Sought) -> None:
+        self._sought = sought
+        self._shapes: list[np.ndarray] | None = None if sought.conditions.obstacles is not None else []
 
     @property
     def over(self) -> bool:
@@ -127,18 +120,17 @@ class Rest:
 
     def settle(self) -> tuple[Found | None, float]:
         """The exact equilibrium where the next shape comes to rest, or None; the work that it took."""
-        there = self._conditions
+        sought, there = self._sought, self._sought.conditions
         assert there.obstacles is not None
-        stiffness, natural = self._section
         places = places_for(float(np.linalg.norm(there.f)))
-        rod = NodalRod(stiffness, natural, there.obstacles, places, coulomb=False)
+        rod = NodalRod(sought.stiffness, sought.natural, there.obstacles, places, coulomb=False)
         rod.set_conditions(there.qe, there.re, there.f)
         if self._shapes is None:
-            begins = starts(rod.mesh.nodes, there.qe, there.re, there.f, self._hint, natural, False)
+            begins = starts(rod.mesh.nodes, there.qe, there.re, there.f, sought.hint, sought.natural, False)
             self._shapes = sorted(begins, key=rod.depth)[:TRIES]
         rod.work = LIMIT
         rests = rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None
-        found = exact(rod, self._tolerance, FRICTIONLESS) if rests else None
+        found = exact(rod, sought.tolerance, FRICTIONLESS) if rests else None
         return found, LIMIT - rod.work
 
 

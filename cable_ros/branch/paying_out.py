@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from cable_ros.branch import handover
-from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Starts, refine
+from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Sought, Starts, refine
 from cable_ros.branch.continuation import End, walk
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import FRICTIONLESS
@@ -42,19 +42,12 @@ class PayingOut:
     per length and natural curvature stay what they are for the whole cable: only the end of the way counts.
 
     Args:
-        stiffness, natural: (3,) of the cable, in units of its own.
-        conditions: the pose; without obstacles there is nothing to try.
-        hint: total twist that is asked for, rad, or None.
-        tolerance: of the end wrench.
+        sought: the pose; without obstacles there is nothing to try.
     """
 
-    def __init__(
-        self, stiffness: np.ndarray, natural: np.ndarray, conditions: Conditions, hint: float | None,
-        tolerance: float,
-    ) -> None:  # fmt: skip
-        self._section, self._conditions = (stiffness, natural), conditions
-        self._hint, self._tolerance = hint, tolerance
-        self._left = list(SLACK) if conditions.obstacles is not None else []
+    def __init__(self, sought: Sought) -> None:
+        self._sought = sought
+        self._left = list(SLACK) if sought.conditions.obstacles is not None else []
         self._led: tuple[Rod, np.ndarray, np.ndarray, float] | None = None
         """A rod that is being paid out: its shape, end force and length, parts of the whole."""
 
@@ -74,7 +67,7 @@ class PayingOut:
         self._led = None
 
         def path(t: float) -> Conditions:
-            there = _shortened(self._conditions, length + t * (1.0 - length))
+            there = _shortened(self._sought.conditions, length + t * (1.0 - length))
             return there if rod.qe @ there.qe > 0.0 else replace(there, qe=-there.qe)
 
         carrier = None if isinstance(rod, NodalRod) else handover.nodal
@@ -90,7 +83,7 @@ class PayingOut:
 
     def _begin(self, slack: float) -> float:
         """Search for a short cable; returns the work that it took."""
-        whole = self._conditions
+        whole = self._sought.conditions
         assert whole.obstacles is not None
         strings = taut_strings(whole.re, whole.obstacles, 1.0)
         if not strings:
@@ -98,7 +91,7 @@ class PayingOut:
             return 0.0
         shortest = float(np.linalg.norm(np.diff(strings[0], axis=0), axis=1).sum())
         length = min(1.0, slack * shortest)
-        search = Starts(*self._section, _shortened(whole, length), self._hint, LOOSE, False)
+        search = Starts(replace(self._sought, conditions=_shortened(whole, length), tolerance=LOOSE), False)
         work = 0.0
         while not search.over:
             work += search.descend()
@@ -110,12 +103,15 @@ class PayingOut:
         """The equilibrium to the tolerance beside that of the whole cable, and the work that it took."""
         if isinstance(rod, NodalRod):
             rod.work = LIMIT
-            return handover.exact(rod, self._tolerance, FRICTIONLESS), LIMIT - rod.work
+            return handover.exact(rod, self._sought.tolerance, FRICTIONLESS), LIMIT - rod.work
         if not rod.refactor(q, F):
             return None, 0.0
         one = Found(rod, q, F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), 0)
-        found, estimate = refine(one, self._tolerance)
-        return found if estimate <= self._tolerance else None, found.iterations * found.rod.iteration_work
+        found, estimate = refine(one, self._sought.tolerance)
+        return (
+            found if estimate <= self._sought.tolerance else None,
+            found.iterations * found.rod.iteration_work,
+        )
 
 
 def _shortened(whole: Conditions, length: float) -> Conditions:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.branch import handover
-from cable_ros.branch.cold_start import Conditions, Found, Starts, refine
+from cable_ros.branch.cold_start import Found, Sought, Starts, refine
 from cable_ros.branch.paying_out import PayingOut
 from cable_ros.equilibrium import Status
 from cable_ros.rod.initial_shapes import side
@@ -27,21 +27,14 @@ class Search:
     a grid of contacts (`handover.Rest`).
 
     Args:
-        stiffness, natural, compliance: (3,) of the cable, in units of its own; the last may be None.
-        conditions: the pose.
-        hint: total twist that is asked for, rad, or None.
-        tolerance: of the end wrench.
+        sought: the pose and what is asked for there.
     """
 
-    def __init__(
-        self, stiffness: np.ndarray, natural: np.ndarray, compliance: np.ndarray | None,
-        conditions: Conditions, hint: float | None, tolerance: float,
-    ) -> None:  # fmt: skip
-        self.conditions, self.hint, self.tolerance = conditions, hint, tolerance
-        self._starts = Starts(stiffness, natural, conditions, hint, tolerance, False, compliance)
-        pose = stiffness, natural, conditions, hint, tolerance
+    def __init__(self, sought: Sought) -> None:
+        self.sought = sought
+        self._starts = Starts(sought, thorough=False)
         self._last: list[PayingOut | handover.Rest]
-        self._last = [PayingOut(*pose), handover.Rest(*pose)] if compliance is None else []
+        self._last = [PayingOut(sought), handover.Rest(sought)] if sought.compliance is None else []
         self._coarse: list[Found] | None = None
         self._refined = 0
         self._best: Found | None = None
@@ -63,7 +56,7 @@ class Search:
         if not self._starts.over or self._coarse is None:
             return False
         tried = self._refined == len(self._coarse) and all(one.over for one in self._last)
-        return tried or self._estimate <= self.tolerance
+        return tried or self._estimate <= self.sought.tolerance
 
     @property
     def found(self) -> Found | None:
@@ -89,7 +82,7 @@ class Search:
         if not self._starts.over:
             return self._starts.descend()
         if self._coarse is None:
-            self._coarse = _in_turn(self._starts.found, self.hint)
+            self._coarse = _in_turn(self._starts.found, self.sought.hint)
             return 0.0
         if self._refined < len(self._coarse):
             return self._refine(self._coarse[self._refined])
@@ -101,7 +94,7 @@ class Search:
 
     def _refine(self, one: Found) -> float:
         self._refined += 1
-        fine, estimate = refine(one, self.tolerance)
+        fine, estimate = refine(one, self.sought.tolerance)
         if self._best is None or estimate < self._estimate:
             self._best, self._estimate, self._origin = fine, estimate, one
         return (fine.iterations - one.iterations) * fine.rod.iteration_work

@@ -19,8 +19,8 @@ from cable_ros.rod.centreline import shape as shape_functions
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 NARROWEST = 0.12
-"""Least distance of a boundary to its neighbours, fraction of the distance between them; of one to a clamp,
-half of how near it is, if that is less."""
+"""Least distance of a boundary to its neighbours, fraction of the distance between them; of one at a point,
+half of how near they are, if that is less."""
 SHORTEST = 1e-3
 """Least distance to a boundary that another contact point owns, L."""
 
@@ -77,21 +77,19 @@ def lowest(shape, s, reach, obstacle):
 
 
 @njit(**LEAF)
-def room(points, count, boundary, h, s0):
+def room(points, count, one, boundary, h):
     """Distances, L, to which a boundary may approach the one before it and the one after it.
 
     Args:
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        one: number of the point that it goes to.
         boundary: its number.
-        h, s0: of `Grid`.
+        h: of `Grid`.
     """
     narrow = NARROWEST * (h[boundary - 1] + h[boundary])
+    if points[one, KIND] == POINT:
+        narrow = min(narrow, max(0.5 * min(h[boundary - 1], h[boundary]), SHORTEST))
     before, after = narrow, narrow
-    # a point may come close to a clamp
-    if boundary == 1:
-        before = min(narrow, max(0.5 * h[0], SHORTEST))
-    if boundary == h.shape[0] - 1:
-        after = min(narrow, max(0.5 * h[boundary], SHORTEST))
     for i in range(count):
         if points[i, INTERFACE] == boundary - 1 and boundary > 1:
             before = min(narrow, SHORTEST)
@@ -161,7 +159,7 @@ def own_interface(points, count, i, h, s0):
     for b in range(1, h.shape[0]):
         low, high = s0[b - 1], s0[b] + h[b]
         away = abs(s - s0[b])
-        before, after = room(points, count, b, h, s0)
+        before, after = room(points, count, i, b, h)
         there = away < 1e-9 or (low + 1.5 * before < s < high - 1.5 * after)
         if not there or away >= distance:
             continue
@@ -206,7 +204,7 @@ def place_points(shape, obstacles, spacing, points, count):
             if points[i, INTERFACE] < 0.0 and not own_interface(points, count, i, h, s0):
                 break
             b = int(points[i, INTERFACE])
-            before, after = room(points, count, b, h, s0)
+            before, after = room(points, count, i, b, h)
             if move_interface(q, grid, b, points[i, ARC_LENGTH], before, after):
                 break
             points[i, INTERFACE] = -1.0

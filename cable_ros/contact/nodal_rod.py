@@ -156,9 +156,10 @@ class NodalRod(NodalSolver):
         # and so much, at least, do edges cost that it cuts between two places
         tangents = quaternion.tangents(self.state.q[::ORDER])
         cut = SAG * deepest(self.state.r, tangents, self.h, self._under)
-        # where it touches between two places the true normal has no part along the cable, as theirs has
+        # where it slides between two places the true normal has no part along the cable, as theirs has
         normals, _ = self._pressed()
-        along = np.abs(self.state.lam * np.einsum("ka,koa->ko", tangents, normals)).sum()
+        parts = np.where(self._slips, self.state.lam * np.einsum("ka,koa->ko", tangents, normals), 0.0)
+        along = float(np.linalg.norm(parts.T @ tangents, axis=1).sum())
         slope = np.concatenate((mine[:3] * along / max(float(np.linalg.norm(mine[:3])), 1e-300), np.zeros(3)))
         edges = float(relative_change(slope, mine, self.least))
         self._estimate = max(float(error), before, lumped, cut, edges)
