@@ -15,6 +15,8 @@ from zoo_hose import OPEN
 from cable_ros.bench.drawn import drawn_case
 
 DRAWN = {
+    (72, 4): "a grid's error is too large on a bar and a wall with friction",
+    (72, 9): "a heavy loop over a narrow beam is not found cold",
     (72, 17): "a grid's error is too large between two plates",
     (72, 22): "1.1e-4 off at an estimate of a step before",
     (72, 35): "it slides off two beams without friction, and a grid holds it there",
