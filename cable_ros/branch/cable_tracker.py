@@ -6,7 +6,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -15,18 +15,16 @@ from cable_ros.branch import handover
 from cable_ros.branch.cold_start import (
     Conditions,
     Found,
-    Sought,
     better_mesh,
     equilibria,
     on_mesh,
     refine,
-    same,
 )
 from cable_ros.branch.continuation import End, walk
 from cable_ros.branch.property_change import Section, follow, made_of
-from cable_ros.branch.search import Search
-from cable_ros.branch.standing import Loss, Standing
-from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium, conditions_of, touches
+from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
+from cable_ros.branch.standing import Loss
+from cable_ros.branch.tracked_equilibrium import conditions_of, touches
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.nodal_rod import STEP, NodalRod
 from cable_ros.contact.touching_rod import TouchingRod
@@ -47,8 +45,6 @@ PATIENCE = 6
 """So many descents may be made of steps that fail, in one solve: each takes as long as a cold start."""
 FREE_WORK = 60_000
 """Budget of one solve without obstacles, iterations times unknowns: about 50 ms at 0.8 us."""
-FREE_COLD_WORK = 300_000
-"""The same of a cold start: about 250 ms."""
 WORK = 150_000
 """The same among obstacles, about 300 ms at 2 us; ways that lead somewhere take a fourth of it."""
 PROGRESS = 0.01
@@ -57,7 +53,6 @@ SAME_TWIST = 1e-2
 """Difference of total twist, rad, below which two meshes show the same equilibrium."""
 BARRED = 1.0
 """Number of longest steps beyond which a way is first asked whether anything bars it."""
-IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 MOST_WAITING = 64
 """Number of poses that may wait to be gone through, as friction depends on the path."""
 ENOUGH = 0.1
@@ -68,25 +63,8 @@ CUT = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Pending:
-    """A search that is not over."""
-
-    search: Search
-    joints: np.ndarray
-    """(n,) joint values for which it is."""
-    poses: np.ndarray
-    """(2, 7) of the clamps there."""
-    told: str
-    """How the branch was lost, if there was one."""
-
-
-class CableTracker(TrackedEquilibrium):
+class CableTracker(SearchedEquilibrium):
     """Keeps one cable on its branch. Poses come in as world poses of its two clamps, (2, 7)."""
-
-    _pending: Pending | None = None
-    _budget = 0.0
-    """Work left of the present solve for the next pose."""
 
     @property
     def _longest(self) -> float:
@@ -99,10 +77,6 @@ class CableTracker(TrackedEquilibrium):
     def _whole(self) -> float:
         """Budget of one solve, iterations times unknowns."""
         return FREE_WORK if self._obstacles is None else WORK
-
-    def reset(self) -> None:
-        super().reset()
-        self._pending = None
 
     def become(
         self, properties: Properties, kinematics: Callable[[np.ndarray], np.ndarray], index: int
@@ -334,95 +308,6 @@ class CableTracker(TrackedEquilibrium):
         why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
         told = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved anew"
         return self._cold(kinematics, joints, poses, begin, self._twist, told)
-
-    def _cold(
-        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None,
-        told: str = "",
-    ) -> Equilibrium:  # fmt: skip
-        """Search the pose for stable equilibria: take the one nearest the hint, or of least energy.
-
-        `told`: how the branch was lost, if there was one.
-        """
-        conditions = self._conditions(kinematics, joints, poses, IDENTITY)
-        chord = float(np.linalg.norm(conditions.re))
-        if not chord < self._reach:
-            length = self._units.length
-            message = (
-                f"The clamps are {(chord - 1.0) * length * 1e3:.4g} mm farther apart than the cable is long"
-                f" ({length:g} m)."
-            )
-            if chord <= 1.0:
-                message = (
-                    f"The clamps are as far apart as the cable is long ({length:g} m):"
-                    " its tension has no bound."
-                )
-            return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
-        if barred := self._no_way(conditions):
-            return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
-        sought = Sought(self._stiffness, self._natural, conditions, hint, self.tolerance, self._compliance)
-        return self._search(Pending(Search(sought), joints, poses, told), begin)
-
-    def _search(self, pending: Pending, begin: float) -> Equilibrium:
-        """Go on with a search: its result, `UNFINISHED` while it is not over."""
-        search = pending.search
-        if self._obstacles is None:
-            search.go(FREE_COLD_WORK)
-        else:
-            self._budget = search.go(self._budget)
-        self._pending = None if search.over else pending
-        seconds = time.perf_counter() - begin
-        if not search.over:
-            return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, seconds)
-        found = search.found
-        if found is None:
-            return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
-        if pending.told:
-            waiting, hint = self._standing.waiting, search.sought.hint
-            twist = "" if hint is None else f", total twist {hint:.3f} -> {found.twist:.3f} rad"
-            self._lose(pending.told + twist)
-            self._standing = replace(self._standing, waiting=waiting)
-        self._take(found, pending.joints)
-        return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
-
-    def _resume(self, joints: np.ndarray, begin: float) -> Equilibrium | None:
-        """Go on with the search that is pending; None if the cable can be followed on to `joints`."""
-        self._budget = max(self._budget, 1.0)  # some piece of it is done in any case
-        pending = self._pending
-        assert pending is not None
-        if pending.search.sought.tolerance != self.tolerance:
-            self._pending = None
-            return None
-        there = np.array_equal(joints, pending.joints)
-        found = self._search(pending, begin)
-        if self._pending is not None:
-            if not there or self._standing.waiting:
-                self._standing = self._standing.asked(pending.joints, joints)
-            return found
-        led_on = self._model == COULOMB and bool(self._standing.waiting)
-        return found if there and not led_on else None
-
-    def branches(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:
-        """The stable equilibria of a wide search at a pose, by rising energy; the last is followed on."""
-        begin = time.perf_counter()
-        conditions = self._conditions(kinematics, joints, poses, IDENTITY)
-        out: list[Equilibrium] = []
-        self._standing, self._pending = Standing(), None
-        if not np.linalg.norm(conditions.re) < self._reach:
-            return out
-        found: list[Found] = []
-        for turns in (-1, 0, 1):
-            hint = (self._hint or 0.0) + 2.0 * np.pi * turns
-            for one in equilibria(
-                self._stiffness, self._natural, conditions, hint, self.tolerance, True, self._compliance
-            ):
-                fine, estimate = refine(one, self.tolerance)
-                if estimate <= self.tolerance and not any(same(fine, other) for other in found):
-                    found.append(fine)
-        for one in sorted(found, key=lambda one: one.energy):
-            self._take(one, joints)
-            status = Status.CONVERGED
-            out.append(self._finish(status, status.sentence, one.iterations, poses, begin))
-        return out
 
 
 def _farthest(a: np.ndarray, b: np.ndarray) -> float:

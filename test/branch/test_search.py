@@ -8,7 +8,7 @@ import pytest
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
-from cable_ros.branch import cable_tracker
+from cable_ros.branch import cable_tracker, searched_equilibrium
 from cable_ros.scene import Scene
 
 FLAT = [0.0, 0.70710678118654752, 0.0, 0.70710678118654752]
@@ -59,7 +59,7 @@ def test_a_free_cable_likewise(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = load_scene("config/space_arm.yaml")
     pose = {"orientation": 0.3, "pitch": 0.1}
     whole = Tracker(scene).arrive(pose)["camera_cable"]
-    monkeypatch.setattr(cable_tracker, "FREE_COLD_WORK", 1)
+    monkeypatch.setattr(searched_equilibrium, "FREE_COLD_WORK", 1)
     tracker = Tracker(scene)
     found = [tracker.solve(pose)["camera_cable"] for _ in range(2)]
     while found[-1].status is Status.UNFINISHED and len(found) < MOST:

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One cable at an equilibrium that a search finds, piece by piece, as far as the work of a call goes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cable_ros.branch.cold_start import Found, Sought, equilibria, refine, same
+from cable_ros.branch.search import Search
+from cable_ros.branch.standing import Standing
+from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
+from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.scene import Kinematics
+
+FREE_COLD_WORK = 300_000
+"""Budget of a search without obstacles, iterations times unknowns: about 250 ms at 0.8 us."""
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Pending:
+    """A search that is not over."""
+
+    search: Search
+    joints: np.ndarray
+    """(n,) joint values for which it is."""
+    poses: np.ndarray
+    """(2, 7) of the clamps there."""
+    told: str
+    """How the branch was lost, if there was one."""
+
+
+class SearchedEquilibrium(TrackedEquilibrium):
+    """A cable with its last equilibrium and the search for another, if one is not over."""
+
+    _pending: Pending | None = None
+    _budget = 0.0
+    """Work left of the present solve for the next pose."""
+
+    def reset(self) -> None:
+        super().reset()
+        self._pending = None
+
+    def _cold(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None,
+        told: str = "",
+    ) -> Equilibrium:  # fmt: skip
+        """Search the pose for stable equilibria: take the one nearest the hint, or of least energy.
+
+        `told`: how the branch was lost, if there was one.
+        """
+        conditions = self._conditions(kinematics, joints, poses, IDENTITY)
+        chord = float(np.linalg.norm(conditions.re))
+        if not chord < self._reach:
+            length = self._units.length
+            message = (
+                f"The clamps are {(chord - 1.0) * length * 1e3:.4g} mm farther apart than the cable is long"
+                f" ({length:g} m)."
+            )
+            if chord <= 1.0:
+                message = (
+                    f"The clamps are as far apart as the cable is long ({length:g} m):"
+                    " its tension has no bound."
+                )
+            return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
+        if barred := self._no_way(conditions):
+            return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
+        sought = Sought(self._stiffness, self._natural, conditions, hint, self.tolerance, self._compliance)
+        return self._search(Pending(Search(sought), joints, poses, told), begin)
+
+    def _search(self, pending: Pending, begin: float) -> Equilibrium:
+        """Go on with a search: its result, `UNFINISHED` while it is not over."""
+        search = pending.search
+        if self._obstacles is None:
+            search.go(FREE_COLD_WORK)
+        else:
+            self._budget = search.go(self._budget)
+        self._pending = None if search.over else pending
+        seconds = time.perf_counter() - begin
+        if not search.over:
+            return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, seconds)
+        found = search.found
+        if found is None:
+            return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
+        if pending.told:
+            waiting, hint = self._standing.waiting, search.sought.hint
+            twist = "" if hint is None else f", total twist {hint:.3f} -> {found.twist:.3f} rad"
+            self._lose(pending.told + twist)
+            self._standing = replace(self._standing, waiting=waiting)
+        self._take(found, pending.joints)
+        return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
+
+    def _resume(self, joints: np.ndarray, begin: float) -> Equilibrium | None:
+        """Go on with the search that is pending; None if the cable can be followed on to `joints`."""
+        self._budget = max(self._budget, 1.0)  # some piece of it is done in any case
+        pending = self._pending
+        assert pending is not None
+        if pending.search.sought.tolerance != self.tolerance:
+            self._pending = None
+            return None
+        there = np.array_equal(joints, pending.joints)
+        found = self._search(pending, begin)
+        if self._pending is not None:
+            if not there or self._standing.waiting:
+                self._standing = self._standing.asked(pending.joints, joints)
+            return found
+        led_on = self._model == COULOMB and bool(self._standing.waiting)
+        return found if there and not led_on else None
+
+    def branches(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:
+        """The stable equilibria of a wide search at a pose, by rising energy; the last is followed on."""
+        begin = time.perf_counter()
+        conditions = self._conditions(kinematics, joints, poses, IDENTITY)
+        out: list[Equilibrium] = []
+        self._standing, self._pending = Standing(), None
+        if not np.linalg.norm(conditions.re) < self._reach:
+            return out
+        found: list[Found] = []
+        for turns in (-1, 0, 1):
+            hint = (self._hint or 0.0) + 2.0 * np.pi * turns
+            for one in equilibria(
+                self._stiffness, self._natural, conditions, hint, self.tolerance, True, self._compliance
+            ):
+                fine, estimate = refine(one, self.tolerance)
+                if estimate <= self.tolerance and not any(same(fine, other) for other in found):
+                    found.append(fine)
+        for one in sorted(found, key=lambda one: one.energy):
+            self._take(one, joints)
+            status = Status.CONVERGED
+            out.append(self._finish(status, status.sentence, one.iterations, poses, begin))
+        return out
