@@ -27,6 +27,9 @@ from cable_ros.ros.replay_node import message_class
 from cable_ros.share import share_file
 
 TIMEOUT = 90.0  # s; a first start compiles
+LEAVES = 0.2
+"""s in which the middleware hears that the node has left: in taking down a participant while another one
+leaves, Fast DDS has ended in a segmentation fault."""
 NODE = "/cable_node"
 CABLE = f"{NODE}/camera_cable"
 PUBLISHED = {
@@ -91,6 +94,7 @@ class Robot:
         if self.process.poll() is None:
             self.process.kill()
             self.process.communicate()
+        time.sleep(LEAVES)
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
