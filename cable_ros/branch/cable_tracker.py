@@ -33,7 +33,7 @@ from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import Rod
-from cable_ros.rod.rod_state import ENERGY, TWIST
+from cable_ros.rod.rod_state import TWIST
 from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
 
@@ -221,7 +221,7 @@ class CableTracker(SearchedEquilibrium):
             return
         spare = copy.deepcopy(rod)
         if rod.refactor(self._q, self._F):
-            found = Found(rod, self._q, self._F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), 0)
+            found = Found.at(rod, self._q, self._F)
             if not touches(rod):
                 # its mesh may be too fine as well
                 other = on_mesh(found, better_mesh(rod, rod.relative_error(self._q, self._F), tolerance))

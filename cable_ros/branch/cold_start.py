@@ -76,6 +76,11 @@ class Found:
     twist: float
     iterations: int
 
+    @classmethod
+    def at(cls, rod: Rod, q: np.ndarray, F: np.ndarray, iterations: int = 0) -> Found:
+        """The equilibrium (q, F) for which the rod is factored, found in so many iterations."""
+        return cls(rod, q, F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), iterations)
+
 
 def first_mesh(conditions: Conditions, twist: float, tolerance: float) -> Mesh:
     """A coarse mesh for the search: finer for many turns, and at the clamps where weight makes layers.
@@ -116,7 +121,7 @@ def _found(rod: Rod, result: tuple[np.ndarray, np.ndarray, int] | None) -> Found
     if result is None:
         return None
     q, F, iterations = result
-    return Found(rod, q, F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), iterations)
+    return Found.at(rod, q, F, iterations)
 
 
 def on_mesh(found: Found, mesh: Mesh) -> Found | None:

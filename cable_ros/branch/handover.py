@@ -17,7 +17,7 @@ from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.initial_shapes import starts
 from cable_ros.rod.kirchhoff import Rod
-from cable_ros.rod.rod_state import ENERGY, TWIST
+from cable_ros.rod.rod_state import TWIST
 from cable_ros.rod.units import relative_change
 from cable_ros.solve.trust_region import Options
 
@@ -79,9 +79,7 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         result = _taken_over(new, q, rod) if stage is None else descend(new, q, rod.end_force, SETTLE, stage)
         left = new.work
         if result is not None:
-            energy, twist = float(new.totals[ENERGY]), float(new.totals[TWIST])
-            one = Found(new, result[0], result[1], energy, twist, result[2])
-            one, estimate = refine(one, tolerance)
+            one, estimate = refine(Found.at(new, *result), tolerance)
             if estimate <= tolerance and _same(rod, one):
                 found = one
                 break

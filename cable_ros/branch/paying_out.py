@@ -21,7 +21,6 @@ from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.shortest_path import taut_strings
 from cable_ros.contact.travel import CONTACT_STEP
 from cable_ros.rod.kirchhoff import Rod
-from cable_ros.rod.rod_state import ENERGY, TWIST
 
 SLACK = (1.05, 1.15)
 """Lengths of the short cable in turn, over that of the shortest way past the obstacles."""
@@ -106,8 +105,7 @@ class PayingOut:
             return handover.exact(rod, self._sought.tolerance, FRICTIONLESS), LIMIT - rod.work
         if not rod.refactor(q, F):
             return None, 0.0
-        one = Found(rod, q, F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), 0)
-        found, estimate = refine(one, self._sought.tolerance)
+        found, estimate = refine(Found.at(rod, q, F), self._sought.tolerance)
         return (
             found if estimate <= self._sought.tolerance else None,
             found.iterations * found.rod.iteration_work,

@@ -149,7 +149,7 @@ class TrackedEquilibrium(CableModel):
             sinks = rod.unresolved(self._q, LENIENT).any()
             beside = rod.clamp_errors(self._q, self._F).max()
             if max(self._estimate, beside) > ACCEPT * self.tolerance or sinks:
-                found = Found(rod, self._q, self._F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), 0)
+                found = Found.at(rod, self._q, self._F)
                 fine, self._estimate = refine(found, self.tolerance)
                 iterations += fine.iterations
                 before = rod, self._q, self._F
