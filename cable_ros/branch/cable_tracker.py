@@ -173,7 +173,7 @@ class CableTracker(SearchedEquilibrium):
             travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) > self._longest
         ):
             return self._far(kinematics, index, joints, poses, begin)
-        before = None if self._standing.loss is None else conditions_of(rod)
+        before = conditions_of(rod) if self._remembers else None
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
         )
@@ -283,7 +283,7 @@ class CableTracker(SearchedEquilibrium):
         got_on |= rod is not start or self._budget < self._whole
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and got_on):
             rod.refactor(result.q, result.F)
-            if self._standing.loss is not None and not any(fall.jumped for fall in result.falls):
+            if self._remembers and not any(fall.jumped for fall in result.falls):
                 self._mend(before, False, partial(self._free_twist, kinematics, index))
             if result.end is End.ARRIVED:
                 return self._finish(

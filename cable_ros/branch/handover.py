@@ -9,6 +9,7 @@ from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Sought, first_
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.nodal_contacts import places_for
 from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.grid_friction import Friction
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
@@ -38,6 +39,8 @@ EXACT_WORK = 60_000.0
 """Budget of a search for an exact equilibrium beside one on a grid."""
 LEVEL = 0.1
 """Gap between two contacts on the grid, spacings squared per length, that counts as none: it is no finer."""
+HOLDS = 2
+"""Number of solves with friction held: the first may find other contacts."""
 TRIES = 3
 """Number of start shapes that a search lets come to rest."""
 GRID = np.linspace(0.0, 1.0, 33)
@@ -58,9 +61,9 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
 
 
 def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
-    """The equilibrium of a nodal rod without friction, to the tolerance; None if none is found beside it."""
+    """The equilibrium of a nodal rod without its grid, to the tolerance; None if none is found beside it."""
     if model != FRICTIONLESS and rod.touches:
-        return None
+        return _with_friction(rod, tolerance) if model == COULOMB else None
     assert rod.obstacles is not None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     first = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
@@ -88,16 +91,45 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
     return found
 
 
+def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
+    """As `exact`. Friction is held first, while the shape becomes exact, and then obeys its law again."""
+    assert rod.obstacles is not None
+    conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
+    new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
+    new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    given = new.work = min(rod.work, EXACT_WORK)
+    q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
+    q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
+    q, F = _give_contacts(new, q, rod), rod.end_force
+    friction = Friction.of(rod)
+    for model in (*(FRICTIONLESS,) * HOLDS, COULOMB):
+        friction.give(new)
+        new.model, new.ready = model, False
+        code, _, q, F = new.correct(q, F, SETTLE.step_tolerance)
+        if code != warm_step.ADVANCED:
+            break
+    rod.work -= given - new.work
+    if code != warm_step.ADVANCED:
+        return None
+    found, estimate = refine(Found.at(new, q, F), tolerance)
+    return found if estimate <= tolerance and not found.rod.forgot and _same(rod, found) else None
+
+
 def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndarray, np.ndarray, int] | None:
     """The equilibrium of the `new` rod next to the grid's, from its shape q (n, 4) there and its contacts."""
-    assert new.obstacles is not None
+    q = _give_contacts(new, q, rod)
+    code, iterations, q_new, F_new = new.correct(q, rod.end_force, SETTLE.step_tolerance)
+    return (q_new, F_new, iterations) if code == warm_step.ADVANCED else None
+
+
+def _give_contacts(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> np.ndarray:
+    """Give the `new` rod of shape q (n, 4) the contacts of the grid; returns the shape on its mesh then."""
     new.trace(q)
     at, which = np.nonzero(rod.lies_on(LEVEL))
     places = np.append(rod.s0, 1.0)[at]
     give_contacts(new, q, which, places, rod.state.lam[at, which], 1.0 / rod.cells)
-    q = new.fit_patches(q)
-    code, iterations, q_new, F_new = new.correct(q, rod.end_force, SETTLE.step_tolerance)
-    return (q_new, F_new, iterations) if code == warm_step.ADVANCED else None
+    return new.fit_patches(q)
 
 
 class Rest:
@@ -137,6 +169,11 @@ def _same(rod: NodalRod, found: Found) -> bool:
     b = found.rod.mesh.interpolate(found.q, GRID)
     if np.abs(np.sum(a * b, axis=1)).min() < np.cos(0.5 * TURNED):
         return False
+    return apart(rod, found) < ALIKE
+
+
+def apart(rod: NodalRod, found: Found) -> float:
+    """Relative difference of the end wrenches."""
     mine = np.concatenate((rod.state.F[-1], rod.g[-1]))
     theirs = np.concatenate((found.F, found.rod.g[-1]))
-    return float(relative_change(mine - theirs, theirs, rod.least)) < ALIKE
+    return float(relative_change(mine - theirs, theirs, rod.least))

@@ -91,6 +91,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             twist = "" if hint is None else f", total twist {hint:.3f} -> {found.twist:.3f} rad"
             self._lose(pending.told + twist)
             self._standing = replace(self._standing, waiting=waiting)
+        self._memory = None
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
 
@@ -116,7 +117,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
         begin = time.perf_counter()
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
-        self._standing, self._pending = Standing(), None
+        self._standing, self._pending, self._memory = Standing(), None, None
         if not np.linalg.norm(conditions.re) < self._reach:
             return out
         found: list[Found] = []

@@ -77,6 +77,21 @@ class Loss:
 
 
 @dataclass(frozen=True)
+class Memory:
+    """Friction came from a grid of contacts, and is as exact as that: how exact, and what has happened since."""
+
+    error: float
+    """Relative error of the end wrench."""
+    since: Loss = Loss("", history=True)
+    """The motion since, as after a loss."""
+
+    def followed(self, motion: float, touches: bool, slips: bool, step: bool) -> Memory | None:
+        """As `Loss.followed`; None once friction no longer depends on that."""
+        since = self.since.followed(motion, slips, step)
+        return None if since.forgotten or not touches else Memory(self.error, since)
+
+
+@dataclass(frozen=True)
 class Standing:
     """How the present equilibrium was come by."""
 

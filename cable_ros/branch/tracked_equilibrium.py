@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+log=[]
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -20,7 +21,7 @@ from cable_ros.branch.cold_start import (
 )
 from cable_ros.branch.continuation import FREE_TO_TURN, Fall
 from cable_ros.branch.extremes import Obstacles, extremes
-from cable_ros.branch.standing import Loss, Standing, alone, motion
+from cable_ros.branch.standing import Loss, Memory, Standing, alone, motion
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, placed
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
@@ -41,6 +42,8 @@ GRID = 0.05
 COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
 SINKS = "The cable still penetrates an obstacle between contact points."
+LONGEST_STAY = 63
+"""Most poses that a cable stays on its grid of contacts before it is taken off it again."""
 FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
 """What a result says whose stability margin is 0."""
 
@@ -70,6 +73,8 @@ class TrackedEquilibrium(CableModel):
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
         self._apart = np.inf
+        self._memory: Memory | None = None
+        self._stays = self._longer = 0  # poses that the grid of contacts is kept; the same the next time
 
     @property
     def lost(self) -> str:
@@ -104,13 +109,27 @@ class TrackedEquilibrium(CableModel):
         """
         rod, loss = self._rod, self._standing.loss
         assert rod is not None
-        assert loss is not None
         touching = touches(rod)
+        if self._memory is not None:
+            gone = motion(before, conditions_of(rod))
+            self._memory = self._memory.followed(gone, touching, touching and _slips(rod), step)
+        if loss is None:
+            return
         loss = loss.followed(motion(before, conditions_of(rod)), touching and _slips(rod), step)
         if loss.forgotten or (not touching and loss.due and self._alone(rod, free(loss))):
             self._standing = Standing()
             return
         self._standing = Standing(replace(loss, unasked=0.0) if not touching and loss.due else loss)
+
+    @property
+    def _error(self) -> float:
+        """Estimated relative error of the end wrench, that of what friction remembers included."""
+        return max(self._estimate, 0.0 if self._memory is None else self._memory.error)
+
+    @property
+    def _remembers(self) -> bool:
+        """Whether anything is to be followed of how the equilibrium was come by."""
+        return self._standing.loss is not None or self._memory is not None
 
     def _alone(self, rod: Rod, free: float | None) -> bool:
         """Whether no other equilibrium is near, and it has as many turns as one of the twist `free`, rad."""
@@ -135,15 +154,13 @@ class TrackedEquilibrium(CableModel):
         rod = self._rod
         assert rod is not None
         if isinstance(rod, NodalRod):
+            self._estimate = rod.relative_error(self._q, self._F)
             rod = self._exactly(rod)
+        elif self._longer:
+            self._longer -= 1
         if isinstance(rod, NodalRod):
-            self._estimate, self._margin = rod.relative_error(self._q, self._F), rod.stability_margin()
+            self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])
-            if self._estimate > self._limit:
-                message = COARSE.format(self._estimate)
-                return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
-            if self._estimate > self.tolerance and status is Status.CONVERGED:
-                message = f"{message[:-1]}{ON_GRID.format(self._estimate)}"
         elif rod.rotation == 0.0 or not self._estimate <= self.tolerance or rod.friction_changed():
             self._estimate = rod.relative_error(self._q, self._F)
             sinks = rod.unresolved(self._q, LENIENT).any()
@@ -175,6 +192,12 @@ class TrackedEquilibrium(CableModel):
         elif self._apart < self._diameter + self._units.length * rod.rotation:
             # two points can have come so much nearer since that was last looked at
             self._apart = self._closest_approach(poses[0])
+        error = self._error
+        if error > self._limit:
+            message = COARSE.format(error)
+            return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
+        if error > self.tolerance and status is Status.CONVERGED:
+            message = f"{message[:-1]}{ON_GRID.format(error)}"
         if rod.forgot:
             self._lose("friction was forgotten in a change of the mesh")
         unit, standing = self._units, self._standing
@@ -202,7 +225,7 @@ class TrackedEquilibrium(CableModel):
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
             points=points, orientations=orientations, total_twist=self._twist,
             energy=float(rod.totals[ENERGY]) * unit.moment - unit.length * float(self._weight @ start[:3]),
-            error_estimate=self._estimate, iterations=iterations,
+            error_estimate=error, iterations=iterations,
             solve_time=time.perf_counter() - begin, overlaps=overlaps,
             _tangent=results.Tangent(rod, self._q, self._F, unit, self._names, start, self._density),
             _touching=results.touching(rod, friction, self._names, start, unit),
@@ -215,13 +238,32 @@ class TrackedEquilibrium(CableModel):
         carried = handover.nodal(rod, q, F)
         if carried is not None:
             self._rod, self._q, self._F = carried, carried.shape, carried.end_force
+            self._stays = max(self._stays, 1)  # not back at once
         return carried is not None
 
     def _exactly(self, rod: NodalRod) -> Rod:
-        """The equilibrium to the tolerance, if nothing rubs; else the rod as it is."""
+        """The equilibrium without the grid's error, if one is found beside it; else the rod as it is.
+
+        With friction, this is tried less and less often the sooner the cable came back to its grid.
+        """
+        rubs = self._model == COULOMB and rod.touches
+        if rubs and self._stays > 0:
+            self._stays -= 1
+            return rod
         found = handover.exact(rod, self.tolerance, self._model)
+        if rubs and found is not None and handover.apart(rod, found) > self._estimate:
+            log.append(f'refused {handover.apart(rod, found)} {self._estimate}')
+            found = None  # its friction is not that of the grid
+        if rubs:
+            self._stays = self._longer
+            self._longer = min(2 * self._longer + 1, LONGEST_STAY)
         if found is None:
             return rod
+        if rubs:
+            # where all slips, friction is told by the motion; what sticks has what the grid gave it
+            stuck = 0.0 if _slips(found.rod) else rod.unlike
+            error = max(handover.apart(rod, found), stuck, 0.0 if self._memory is None else self._memory.error)
+            self._memory = Memory(error)
         self._take(found, self._joints)
         self._estimate = np.inf
         return found.rod

@@ -21,6 +21,9 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 NARROWEST = 0.12
 """Least distance of a boundary to its neighbours, fraction of the distance between them; of one at a point,
 half of how near they are, if that is less."""
+STRETCHED = 1.75
+"""Length of an element beside a boundary that comes to a point, over the longer one before: the nearest
+boundary leaves less, and one from farther off would leave an element too long for what it bends."""
 SHORTEST = 1e-3
 """Least distance to a boundary that another contact point owns, L."""
 
@@ -160,7 +163,10 @@ def own_interface(points, count, i, h, s0):
         low, high = s0[b - 1], s0[b] + h[b]
         away = abs(s - s0[b])
         before, after = room(points, count, i, b, h)
-        there = away < 1e-9 or (low + 1.5 * before < s < high - 1.5 * after)
+        longest = STRETCHED * max(h[b - 1], h[b])
+        there = away < 1e-9 or (
+            max(low + 1.5 * before, high - longest) < s < min(high - 1.5 * after, low + longest)
+        )
         if not there or away >= distance:
             continue
         taken = False

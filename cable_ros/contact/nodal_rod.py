@@ -69,6 +69,9 @@ class NodalRod(NodalSolver):
         self.tried = 0  # trials that found no exact equilibrium beside it, see `handover.exact`
         self.follows = False  # whether it is a twin, which takes the other's steps
         self._estimate = np.inf
+        self.unlike = 0.0
+        """Relative difference of its end wrench from the twin's, extrapolated, as it fades; without what
+        geometry alone tells: so far off friction may be."""
 
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
@@ -149,8 +152,10 @@ class NodalRod(NodalSolver):
         alone = (self.state.lam > 0.0).sum(axis=0) <= 2
         lone = float(self.state.lam[:, alone].max(initial=0.0))
         lever = np.array([0.0, 0.0, 0.0, 0.25 * lone / self.cells, 0.0, 0.0])
-        error = max(relative_change(change, mine, self.least), relative_change(lever, mine, self.least))
+        error = float(relative_change(change, mine, self.least))
+        beside = float(relative_change(lever, mine, self.least))
         before = FADING * self._estimate if np.isfinite(self._estimate) else 0.0
+        self.unlike = max(error, FADING * self.unlike)
         # error by lumping the force of a cell in its middle
         lumped = float(np.linalg.norm(self.state.F[-1])) / (12.0 * self.cells**2)
         # and so much, at least, do edges cost that it cuts between two places
@@ -162,7 +167,7 @@ class NodalRod(NodalSolver):
         along = float(np.linalg.norm(parts.T @ tangents, axis=1).sum())
         slope = np.concatenate((mine[:3] * along / max(float(np.linalg.norm(mine[:3])), 1e-300), np.zeros(3)))
         edges = float(relative_change(slope, mine, self.least))
-        self._estimate = max(float(error), before, lumped, cut, edges)
+        self._estimate = max(error, before, beside, lumped, cut, edges)
 
     # equilibria of other rods
 

@@ -120,7 +120,13 @@ def shrink(points, count, spacing, depth):
             o, low = points[i, OBSTACLE], points[i, ARC_LENGTH]
             points[i, ARC_LENGTH], points[i, KIND] = low + 0.5 * length, POINT
             count = remove(points, count, j)
-            count = clear(points, count, o, low, low + length)
+            # its ends may just have moved past its samples: all up to the neighbouring patches are its own
+            before, after = 0.0, 1.0
+            for k in range(count):
+                s = points[k, ARC_LENGTH]
+                if points[k, OBSTACLE] == o and points[k, KIND] >= FIRST:
+                    before, after = (max(before, s), after) if s < low else (before, min(after, s))
+            count = clear(points, count, o, before, after)
             changed, i = True, 0
         else:
             i += 1

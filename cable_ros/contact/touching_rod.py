@@ -11,7 +11,8 @@ import numpy as np
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.detection import passage
 from cable_ros.contact.friction_kernels import COULOMB
-from cable_ros.contact.patches import resample
+from cable_ros.contact.meshing import CLOSEST
+from cable_ros.contact.patches import join, resample
 from cable_ros.contact.penalty_continuation import NEAR, descend, descend_instead
 from cable_ros.contact.points import BEFORE, FORCE, INTERFACE
 from cable_ros.rod import warm_step
@@ -54,10 +55,15 @@ class TouchingRod(ActiveSetRod):
         self.ready = False
         if self.count:
             # mostly the same equilibrium on another mesh: its contacts are known
-            q_let, F_let = self._let_go(q, F, options.step_tolerance)
-            code, iterations, q_new, F_new = self.correct(q_let, F_let, options.step_tolerance)
-            if code == warm_step.ADVANCED:
-                return q_new, F_new, iterations
+            for short in (0.0, CLOSEST):
+                before = self.count
+                self.count = join(self.points, self.count, short)
+                if short and self.count == before:
+                    break
+                q_let, F_let = self._let_go(q, F, options.step_tolerance)
+                code, iterations, q_new, F_new = self.correct(q_let, F_let, options.step_tolerance)
+                if code == warm_step.ADVANCED:
+                    return q_new, F_new, iterations
             self.forgot = self.forgot or self.model == COULOMB
             return descend(self, q, F, options, NEAR)
         return descend(self, q, F, options)
