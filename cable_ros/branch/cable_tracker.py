@@ -161,8 +161,7 @@ class CableTracker(SearchedEquilibrium):
             hint = self._hint if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, hint)
         rod.work = self._budget
-        if isinstance(rod, TouchingRod):
-            rod.patience = PATIENCE
+        rod.patience = 0
         if _farthest(joints, self._joints) > LONGEST:
             return self._far(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
@@ -260,6 +259,7 @@ class CableTracker(SearchedEquilibrium):
             # no walk leads anywhere
             return self.failed(Status.OUT_OF_REACH, no_way, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
+        rod.patience = PATIENCE if isinstance(rod, TouchingRod) else 0
         origin, before, start = self._joints, conditions_of(rod), rod
 
         def path(t: float) -> Conditions:

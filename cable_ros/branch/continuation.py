@@ -31,6 +31,8 @@ CARRY_WORK = 75_000
 """Work, iterations times unknowns, after which the first kind is: about 150 ms."""
 LAST_WORK = 0.5
 """Part of the budget spent without a step after which the second kind is."""
+PATIENT = 0.02
+"""Part of the longest step from which a step that fails is not made by a descent: a shorter one takes less."""
 LEAST = 1e-9
 """Part of the longest step below which a step is rounding."""
 OVERHEAD = 250
@@ -56,7 +58,7 @@ JUMP = 0.05
 """Rotation of a section, rad, that no step of SHORTEST along a branch makes."""
 AWAY = 0.2
 """The same for a few of these steps away from a fold, where the shape moves like the root of the load."""
-FALL_WORK = 60_000.0
+FALL_WORK = 90_000.0
 """Budget of a fall, if there is less left: without it no call would get past a fold."""
 FREE_FALLS = 2
 """Number of falls that the budget leaves aside: even a small step may meet a fold, and end just before it."""
@@ -152,10 +154,12 @@ def walk(
             if far > farthest:
                 step = (target - at) * max(0.9 * farthest / far, 0.1)
                 continue
+        patience, rod.patience = rod.patience, rod.patience if step <= PATIENT * longest else 0
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
         iterations += count
+        rod.patience = patience if step > PATIENT * longest else rod.patience
         # what touches counts what it spends itself
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
         if code == warm_step.ADVANCED:

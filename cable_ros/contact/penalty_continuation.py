@@ -22,8 +22,9 @@ SPRINGS = (3e4, 3e6, 3e8, 1e10)
 """Stiffness of the obstacles, EI / L^4, in turn: the first leads past them, the last shows what touches."""
 DENSITIES = (1, 1, 2, 3)
 """Number of samples with each of them, over that which the tolerance asks for, if the cable may be taut."""
-NEAR = 2
-"""The first of them from a shape whose contacts are right: softer obstacles could let it through."""
+NEAR, FAR = 2, 1
+"""The first of them from a shape whose contacts are right, as softer obstacles could let it through, and of a
+fall that leads away from them."""
 SUNK = (np.inf, 0.03, 3e-3)
 """Maximum depth after the first, second, and later descents, L: a cable that is deeper stays inside."""
 DESCENT = Options(
@@ -117,7 +118,7 @@ def descend_instead(
     rod.set_conditions(qe, re, f, obstacles)
     start = q.copy()
     start[-1] = end
-    found = descend(rod, start, F, DESCENT, 1)
+    found = descend(rod, start, F, DESCENT, FAR)
     if found is not None:
         after = rod.mesh.interpolate(found[0], GRID)
         moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,12 +14,16 @@ from cable_ros.contact.detection import passage
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.meshing import CLOSEST
 from cable_ros.contact.patches import join, resample
-from cable_ros.contact.penalty_continuation import NEAR, descend, descend_instead
+from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead
 from cable_ros.contact.points import BEFORE, FORCE, INTERFACE
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.solve.trust_region import Options
+
+
+SHORT = 50
+"""Most iterations of a descent with the stiffer springs: what falls far slides over softer ones in fewer."""
 
 
 class TouchingRod(ActiveSetRod):
@@ -65,7 +70,9 @@ class TouchingRod(ActiveSetRod):
                 if code == warm_step.ADVANCED:
                     return q_new, F_new, iterations
             self.forgot = self.forgot or self.model == COULOMB
-            return descend(self, q, F, options, NEAR)
+            near = replace(options, iterations=min(options.iterations, SHORT))
+            found = descend(self, q, F, near, NEAR)
+            return descend(self, q, F, options, FAR) if found is None and self.work > 0.0 else found
         return descend(self, q, F, options)
 
     def advance(
