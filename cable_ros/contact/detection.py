@@ -77,23 +77,52 @@ def scan(c, h, s0, samples, obstacles, phi):
 
 
 @njit(**OPTIONS)
-def press(c, h, s0, samples, obstacles, points, phi, stiffness):
-    """Make the samples that are inside an obstacle the contact points, on springs; returns their number.
+def press(shape, samples, obstacles, points, phi, stiffness):
+    """Make the deepest points of the cells about the samples contact points, on springs; returns their number.
+
+    Springs at the samples would let the cable hang on an edge between two of them. The energy of a cell's
+    deepest point is continuous, and its derivative is that at a fixed arc length.
 
     Args:
-        c, h, s0, samples, obstacles, phi: as in `scan`.
+        shape: `Shape`, as a plain tuple.
+        samples, obstacles, phi: as in `scan`.
         points: (CAPACITY, COLUMNS) the contact points, overwritten.
         stiffness: of the springs per length, EI / L^4.
     """
-    scan(c, h, s0, samples, obstacles, phi)
+    shape, at = shape_of(shape), surface()
+    scan(shape.c, shape.grid.h, shape.grid.s0, samples, obstacles, phi)
     count = 0
     for o in range(obstacles.shape[0]):
         for k in range(1, samples.shape[0] - 1):
-            if phi[o, k] < 0.0 and count < points.shape[0]:
-                count = add(points, count, o, samples[k], SAMPLE)
-                points[count - 1, LENGTH] = 0.5 * (samples[k + 1] - samples[k - 1])
-                points[count - 1, FORCE] = -stiffness * points[count - 1, LENGTH] * phi[o, k]
+            low, high = 0.5 * (samples[k - 1] + samples[k]), 0.5 * (samples[k] + samples[k + 1])
+            if phi[o, k] >= 0.5 * (high - low):
+                continue
+            s = deepest_between(shape, low, high, obstacles[o], at)
+            depth = -gap_at(shape, s, obstacles[o], at)[0]
+            phi[o, k] = min(phi[o, k], -depth)
+            if depth > 0.0 and count < points.shape[0]:
+                # a minimum moves with the shape: the slope is held as at a contact point
+                count = add(points, count, o, s, POINT if low < s < high else SAMPLE)
+                points[count - 1, LENGTH], points[count - 1, NUMBER] = high - low, k
+                points[count - 1, FORCE] = stiffness * (high - low) * depth
     return count
+
+
+@njit(**OPTIONS)
+def deepest_between(shape, low, high, obstacle, at):
+    """Arc length of the smallest gap between two arc lengths, if there is one minimum at most.
+
+    Args:
+        shape: `Shape`.
+        low, high: the arc lengths, L.
+        obstacle: (WIDTH,).
+        at: `Surface`, overwritten.
+    """
+    if gap_at(shape, low, obstacle, at)[1] >= 0.0:
+        return low
+    if gap_at(shape, high, obstacle, at)[1] <= 0.0:
+        return high
+    return lowest(shape, 0.5 * (low + high), 0.5 * (high - low), obstacle)
 
 
 @njit(**OPTIONS)

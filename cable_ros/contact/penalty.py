@@ -19,6 +19,7 @@ from cable_ros.contact.points import (
     KIND,
     LAST,
     LENGTH,
+    NUMBER,
     OBSTACLE,
     SAMPLE,
 )
@@ -29,7 +30,7 @@ LONGEST_POINT = 3
 
 
 class PenaltyProblem:
-    """A `solve.trust_region.Problem`: the samples that are inside an obstacle are pushed out by springs.
+    """A `solve.trust_region.Problem`: what is inside an obstacle is pushed out by springs, one a cell.
 
     Args:
         rod: the rod, whose contact points it overwrites.
@@ -43,11 +44,10 @@ class PenaltyProblem:
         self.normal_step = rod.normal_step
 
     def _press(self, x: np.ndarray) -> float:
-        """Set the rod's contact points to the samples inside at x; returns the springs' energy."""
+        """Set the rod's contact points to what is inside at x; returns the springs' energy."""
         rod = self.rod
         rod.trace(x)
-        rod.count = press(rod.c, rod.h, rod.s0, rod.samples, rod.obstacles, rod.points, self.phi,
-                          self.stiffness)  # fmt: skip
+        rod.count = press(rod.shape(x), rod.samples, rod.obstacles, rod.points, self.phi, self.stiffness)
         springs = rod.points[: rod.count]
         return 0.5 * float((springs[:, FORCE] ** 2 / springs[:, LENGTH]).sum()) / self.stiffness
 
@@ -83,7 +83,11 @@ class PenaltyProblem:
         self._press(x)
         points = rod.points[: rod.count]
         give_contacts(
-            rod, x, points[:, OBSTACLE].copy(), points[:, ARC_LENGTH].copy(), points[:, FORCE].copy()
+            rod,
+            x,
+            points[:, OBSTACLE].copy(),
+            rod.samples[points[:, NUMBER].astype(int)],
+            points[:, FORCE].copy(),
         )
 
 
