@@ -231,7 +231,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
     q, _, (h, s0, tables) = shape
     points, gaps, normals = contacts
     V, W, delta, lines, upto = rows
-    geometric, parts, C = tangents.geometric, tangents.parts, tangents.C
+    geometric, dchord, C = tangents.geometric, tangents.dchord, tangents.C
     N, primitives = tables.values, tables.primitives
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
@@ -283,7 +283,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
         for k in range(e):
             for a in range(3):
                 for j in range(nd):
-                    by_position[a, 3 * k * order + j] += parts[k, a, j]
+                    by_position[a, 3 * k * order + j] += dchord[k, a, j]
         for a in range(3):
             for j in range(nd):
                 by_position[a, 3 * first + j] += own[a, j]

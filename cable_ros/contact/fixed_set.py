@@ -57,7 +57,7 @@ RELEASED = 1e30
 """Compliance of a constraint row, L^3 / EI, that holds nothing."""
 
 
-class BorderedRod(Rod):
+class FixedSetRod(Rod):
     """A `Rod` with contact points, which `TouchingRod` finds: while there are none it is one, bit for bit.
 
     Args:
@@ -229,24 +229,24 @@ class BorderedRod(Rod):
         self._normal = self.settled = None
         self.rows = self.assemble(q, F, FRICTIONLESS)
         self.rotation, self.ready = 0.0, self.model == FRICTIONLESS
-        return self.border_factor(0.0, 3 + self.count)
+        return self.kkt_factor(0.0, 3 + self.count)
 
-    def border_factor(self, mu: float, equalities: int) -> bool:
+    def kkt_factor(self, mu: float, equalities: int) -> bool:
         """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
         self.judged = True
         system = *self.saddle[:2], self._factors(self.complement)
-        return bool(entry_points.border_factor(mu, system, self.V, self.delta, self.rows, equalities))
+        return bool(entry_points.kkt_factor(mu, system, self.V, self.delta, self.rows, equalities))
 
     def _judge(self) -> None:
         """Compute factors for stability and error estimates: those of the iteration with friction are not."""
         if not self.judged:
-            self.border_factor(0.0, 3 + self.count)
+            self.kkt_factor(0.0, 3 + self.count)
 
-    def border_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `bordered.border_step`."""
+    def kkt_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `bordered.kkt_step`."""
         s, y = np.empty(gradient.shape[0]), np.empty(self.rows)
         order, factors = self.mesh.element.order, self._factors(self.complement)
-        entry_points.border_step(gradient, constraints, self.V, self.rows, order, factors, s, y)
+        entry_points.kkt_step(gradient, constraints, self.V, self.rows, order, factors, s, y)
         return s, y
 
     # what an equilibrium says

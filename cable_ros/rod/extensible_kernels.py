@@ -138,7 +138,7 @@ def stretch_hessian(q, F, f, grid, stretch, tangents):
     h, s0, tables = grid
     N, points, weights = tables.values, tables.points, tables.weights
     compliance, reach, _ = stretch
-    _, geometric, parts, C = tangents
+    _, geometric, dchord, C = tangents
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     band = nd - 1
@@ -202,7 +202,7 @@ def stretch_hessian(q, F, f, grid, stretch, tangents):
                     )
                 for a in range(3):
                     v = X[a, 0] * D[0, i] + X[a, 1] * D[1, i] + X[a, 2] * D[2, i] + X[a, 3] * D[3, i]
-                    parts[e, a, i] += v
+                    dchord[e, a, i] += v
                     C[a, row] += v
 
 
