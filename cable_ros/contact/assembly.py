@@ -353,7 +353,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
 
 @njit(**LEAF)
 def stick_constraints(points, i, misfits, lines, gaps):
-    """Misfit of the spring of point i, if it sticks, along the directions of its two constraint rows.
+    """Residuals of the two stick rows of point i, if it sticks: its `misfits` along the rows' directions.
 
     Args:
         points, gaps: of `ContactSet`.

@@ -196,7 +196,7 @@ class FixedSetRod(Rod):
         return bool(dips(self.shape(q), self.samples, obstacles, self.phi, self.depth))
 
     def finest(self) -> float:
-        """Spacing that measures elements along patches: friction is less smooth than pressure."""
+        """Maximum length, L, of an element along a patch; friction is less smooth than pressure."""
         return FRICTION_SHORTENS * self.spacing if self.model == COULOMB else self.spacing
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
@@ -283,6 +283,7 @@ class FixedSetRod(Rod):
         return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving)
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """As `Rod.wrench_error`, with the contact forces as loads and the constraint rows of the contacts."""
         if not self.count:
             return super().wrench_error(q, F)
         self._judge()
@@ -291,7 +292,7 @@ class FixedSetRod(Rod):
         nodal(q, self.acc, residual)
         self.trace(q)
         boundaries = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
-        # what sticks does so where this mesh has put it: the force stays, no row holds the position
+        # where a sticking point sits depends on this mesh: its force is a given load, its rows are released
         sticks, slips = self.points[: self.count, [STICK_ROW, SLIP_ROW]].astype(int).T
         sticks, slips = sticks[sticks > 0], slips[slips > 0]
         friction = np.concatenate([sticks, 1 + sticks, slips])

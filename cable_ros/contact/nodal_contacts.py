@@ -210,7 +210,7 @@ class NodalContacts(Rod):
     # what an equilibrium says
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Energy at the last equilibrium, which (x, y) must be, and that all residuals vanish."""
+        """As `solve.trust_region.Problem.linearize`, at the last equilibrium only: all residuals are zero."""
         return float(self.totals[ENERGY]), np.zeros(3), np.zeros(self.g.size)
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:

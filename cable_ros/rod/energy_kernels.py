@@ -340,6 +340,7 @@ def hessian(q, F, f, section, grid, radial, tangents):
             density = strain(qs, ds, K, natural, G)
             t, n = density[2], density[5]
             wh = weights[k] * h[e]
+            # derivatives by (q, q'): k8 of the strain, H the second one's part without k8
             second(qs, ds, G, density, wh, k8, H)
             for c in range(3):
                 b0, b1, b2, b3 = k8[c, 0], k8[c, 1], k8[c, 2], k8[c, 3]

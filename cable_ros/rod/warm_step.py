@@ -201,7 +201,7 @@ def extrapolate(path, known, target, q, F):
 
 @njit(**LEAF)
 def signed_distance(origin, at, target):
-    """Distance from `at` to `target`, all (10,), negative if that leads back towards `origin`."""
+    """Distance from the conditions `at` to `target`, all (10,); negative if it leads back to `origin`."""
     size, side = 0.0, 0.0
     for a in range(at.shape[0]):
         change = target[a] - at[a]
