@@ -27,9 +27,9 @@ from cable_ros.branch.cold_start import Found, on_mesh
 QUANTILES = (0.01, 0.5, 0.9, 0.99, 0.999, 1.0)
 
 
-def true_error(follower: CableTracker) -> float:
-    """Relative error of the end wrench of a follower's equilibrium; NaN where the halved mesh has none."""
-    rod, q, F = follower._rod, follower._q, follower._F
+def true_error(tracked: CableTracker) -> float:
+    """Relative error of the end wrench of a cable's equilibrium; NaN if the halved mesh has none."""
+    rod, q, F = tracked._rod, tracked._q, tracked._F
     assert rod is not None
     rod = rod.variant()
     rod.refactor(q, F)
@@ -61,7 +61,7 @@ def main() -> int:
             (found,) = tracker.solve(joints).values()
             if i % arguments.every or not found.status.trusted:
                 continue
-            error = true_error(tracker._followers[0])
+            error = true_error(tracker._tracked_cables[0])
             if np.isnan(error):
                 continue
             judged += 1

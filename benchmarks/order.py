@@ -61,9 +61,9 @@ class Arm:
 
     def equilibrium(self, angle: float) -> Found:
         """On the branch of the scene, finely resolved."""
-        hint = self.cable.total_twist
-        found = equilibria(self.stiffness, None, self.conditions(angle), hint, 1e-4, thorough=True)
-        nearest = min(found, key=lambda one: abs(one.twist - (hint or 0.0)))
+        target_twist = self.cable.total_twist
+        found = equilibria(self.stiffness, None, self.conditions(angle), target_twist, 1e-4, thorough=True)
+        nearest = min(found, key=lambda one: abs(one.twist - (target_twist or 0.0)))
         fine = on_mesh(nearest, Mesh(reference_element(8), np.full(16, 1 / 16)))
         assert fine is not None
         return fine

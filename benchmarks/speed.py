@@ -127,17 +127,17 @@ def cold(scene: Scene, poses: Sequence[Pose]) -> Iterator[Figure]:
 def against_the_floor(scene: Scene) -> Iterator[Figure]:
     """Steps with the factors at hand and steps that assemble and factor anew, each against its arithmetic."""
     tracker = Tracker(scene)
-    follower = tracker._followers[0]
+    tracked = tracker._tracked_cables[0]
     name = tracker.joint_names[0]
     kept, renewed, corrections = [], [], []
     for angle in np.concatenate([PATH, PATH[::-1]] * 3):
         begin = time.perf_counter()
         (equilibrium,) = tracker.solve({name: angle}).values()
         seconds = time.perf_counter() - begin
-        assert follower._rod is not None
-        (renewed if follower._rod.rotation == 0.0 else kept).append(seconds)
+        assert tracked._rod is not None
+        (renewed if tracked._rod.rotation == 0.0 else kept).append(seconds)
         corrections.append(equilibrium.iterations)
-    mesh = follower._rod.mesh
+    mesh = tracked._rod.mesh
     least = floor.measure(len(mesh.lengths), mesh.element.order)
     evaluations = 1.0 + float(np.median(corrections))  # the predictor and the corrections
     for what, seconds, anew in (("factors at hand", kept, 0), ("tangent and factors anew", renewed, 1)):

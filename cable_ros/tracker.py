@@ -62,7 +62,7 @@ class Tracker:
         self._check(tolerance, polyline_points)
         self._tolerance, self._polyline_points = float(tolerance), int(polyline_points)
         names = [obstacle.name for obstacle in self.scene.obstacles]
-        self._followers = tuple(
+        self._tracked_cables = tuple(
             CableTracker(cable, properties(self.scene, cable), self._tolerance, self._polyline_points, names)
             for cable in self.scene.cables
         )
@@ -76,7 +76,10 @@ class Tracker:
         self._auto = self.scene.effects == "auto"
 
     def __repr__(self) -> str:
-        cables, joints = ", ".join(f.name for f in self._followers), ", ".join(self.joint_names) or "none"
+        cables, joints = (
+            ", ".join(f.name for f in self._tracked_cables),
+            ", ".join(self.joint_names) or "none",
+        )
         return f"Tracker(cables: {cables}; joints: {joints}; tolerance {self._tolerance:g})"
 
     @staticmethod
@@ -97,8 +100,8 @@ class Tracker:
     def tolerance(self, value: float) -> None:
         self._check(value, self._polyline_points)
         self._tolerance = float(value)
-        for follower in self._followers:
-            follower.tolerance = self._tolerance
+        for tracked in self._tracked_cables:
+            tracked.tolerance = self._tolerance
 
     @property
     def polyline_points(self) -> int:
@@ -109,8 +112,8 @@ class Tracker:
     def polyline_points(self, value: int) -> None:
         self._check(self._tolerance, value)
         self._polyline_points = int(value)
-        for follower in self._followers:
-            follower.polyline_points = self._polyline_points
+        for tracked in self._tracked_cables:
+            tracked.polyline_points = self._polyline_points
 
     @property
     def joint_limits(self) -> str:
@@ -126,8 +129,8 @@ class Tracker:
     def reset(self) -> None:
         """Forget all equilibria: the next solve starts cold, on the branch that the scene asks for."""
         self._joints = None
-        for follower in self._followers:
-            follower.reset()
+        for tracked in self._tracked_cables:
+            tracked.reset()
 
     def set_environment(self, values: Mapping[str, Any]) -> None:
         """Temperature, dose and what else the scene has tables for; holds until changed, also over `reset`.
@@ -142,37 +145,37 @@ class Tracker:
             ValueError: one sentence: nothing depends on it, not a finite number, or outside the scene's
                 table; nothing has changed then.
         """
-        before = {follower.name: follower.environment for follower in self._followers}
+        before = {tracked.name: tracked.environment for tracked in self._tracked_cables}
         after = environments(self.scene, before, values)
-        for i, (cable, follower) in enumerate(zip(self.scene.cables, self._followers, strict=True)):
-            if after[cable.name] != follower.environment:
-                follower.environment = after[cable.name]
-                new = properties(self.scene, cable, environment=follower.environment)
-                follower.become(new, self.kinematics.poses, i)
-                follower.choice = None
+        for i, (cable, tracked) in enumerate(zip(self.scene.cables, self._tracked_cables, strict=True)):
+            if after[cable.name] != tracked.environment:
+                tracked.environment = after[cable.name]
+                new = properties(self.scene, cable, environment=tracked.environment)
+                tracked.change_properties(new, self.kinematics.poses, i)
+                tracked.choice = None
 
     @property
     def left_out(self) -> dict[str, tuple[str, ...]]:
         """By cable: the effects that `effects: auto` leaves out at present."""
-        return {f.name: f.choice.left_out for f in self._followers if f.choice is not None}
+        return {f.name: f.choice.left_out for f in self._tracked_cables if f.choice is not None}
 
     def _prepare(self, index: int) -> None:
-        follower, cable = self._followers[index], self.scene.cables[index]
-        effect_selection.prepare(follower, self.scene, cable, self.kinematics, index)
+        tracked, cable = self._tracked_cables[index], self.scene.cables[index]
+        effect_selection.prepare(tracked, self.scene, cable, self.kinematics, index)
 
     def _review(self, index: int, found: Equilibrium) -> bool:
-        follower, cable = self._followers[index], self.scene.cables[index]
-        return effect_selection.review(follower, self.scene, cable, self.kinematics, index, found)
+        tracked, cable = self._tracked_cables[index], self.scene.cables[index]
+        return effect_selection.review(tracked, self.scene, cable, self.kinematics, index, found)
 
     def snapshot(self) -> bytes:
         """What the next solve starts from, for `restore`, also in another process with the same versions."""
-        return pack(self._followers)
+        return pack(self._tracked_cables)
 
     def restore(self, snapshot: bytes) -> None:
         """Go on from a snapshot of a tracker of the same scene; tolerance and polyline points stay."""
-        self._followers = unpack(snapshot)
-        for follower in self._followers:
-            follower.tolerance, follower.polyline_points = self._tolerance, self._polyline_points
+        self._tracked_cables = unpack(snapshot)
+        for tracked in self._tracked_cables:
+            tracked.tolerance, tracked.polyline_points = self._tolerance, self._polyline_points
 
     def solve(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
         """The equilibrium of every cable at the given joint values, by cable name.
@@ -201,16 +204,16 @@ class Tracker:
         values = np.array(numbers)
         out = {}
         poses = self.kinematics.poses(values)
-        for i, follower in enumerate(self._followers):
+        for i, tracked in enumerate(self._tracked_cables):
             if self._auto:
                 self._prepare(i)
-            found = follower.solve(self.kinematics, i, values, poses[i], begin)
+            found = tracked.solve(self.kinematics, i, values, poses[i], begin)
             if self._auto and found.converged and self._review(i, found):
-                found = follower.solve(self.kinematics, i, values, poses[i], begin)
+                found = tracked.solve(self.kinematics, i, values, poses[i], begin)
             if GETTING.seconds != code:  # compiled, or loaded: once in a process
                 spent, code = GETTING.seconds - code, GETTING.seconds
                 found = dataclasses.replace(found, solve_time=max(found.solve_time - spent, 0.0))
-            out[follower.name] = found
+            out[tracked.name] = found
             begin = time.perf_counter()
         for i in self._beside:
             self._watch(i, values, poses[i], out)
@@ -226,13 +229,13 @@ class Tracker:
         self, index: int, joints: np.ndarray, poses: np.ndarray, found: dict[str, Equilibrium]
     ) -> None:
         """Let a cable's result in `found` tell its extremes, if it is trusted."""
-        follower, limits = self._followers[index], self.scene.cables[index].limits
-        equilibrium = found[follower.name]
+        tracked, limits = self._tracked_cables[index], self.scene.cables[index].limits
+        equilibrium = found[tracked.name]
         if limits is None or not equilibrium.status.trusted:
             return
         links = self.kinematics.obstacle_poses(joints)
-        extremes = follower.extremes(limits, self._beside[index], links, poses[0])
-        found[follower.name] = dataclasses.replace(equilibrium, _extremes=extremes)
+        extremes = tracked.extremes(limits, self._beside[index], links, poses[0])
+        found[tracked.name] = dataclasses.replace(equilibrium, _extremes=extremes)
 
     def arrive(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
         """As `solve`, called again until no cable is `Status.UNFINISHED`: for work without a deadline."""
@@ -245,21 +248,21 @@ class Tracker:
     @property
     def lost(self) -> dict[str, str]:
         """By cable: what happened to its branch, for those that are `Status.BRANCH_LOST`."""
-        return {follower.name: follower.lost for follower in self._followers if follower.lost}
+        return {tracked.name: tracked.lost for tracked in self._tracked_cables if tracked.lost}
 
     def distrust(self, lost: Mapping[str, str]) -> None:
         """Take the branches of these cables for lost, as another tracker's `lost` tells."""
-        for follower in self._followers:
-            if follower.name in lost:
-                follower.distrust(lost[follower.name])
+        for tracked in self._tracked_cables:
+            if tracked.name in lost:
+                tracked.distrust(lost[tracked.name])
 
     def _outlines(self, found: Mapping[str, Equilibrium], poses: np.ndarray) -> Callable[[int], np.ndarray]:
         """Gives a cable's polyline (n, 3) by its number."""
 
         def outline(index: int) -> np.ndarray:
-            follower = self._followers[index]
-            points = found[follower.name].points
-            return points if len(points) >= OUTLINE else follower.outline(poses[index, 0])
+            tracked = self._tracked_cables[index]
+            points = found[tracked.name].points
+            return points if len(points) >= OUTLINE else tracked.outline(poses[index, 0])
 
         return outline
 
@@ -277,6 +280,6 @@ class Tracker:
 
     def _invalid(self, message: str, begin: float) -> dict[str, Equilibrium]:
         return {
-            follower.name: follower.failed(Status.INVALID_INPUT, message, time.perf_counter() - begin)
-            for follower in self._followers
+            tracked.name: tracked.failed(Status.INVALID_INPUT, message, time.perf_counter() - begin)
+            for tracked in self._tracked_cables
         }

@@ -36,13 +36,13 @@ def past_a_ball(radius: float) -> tuple[Scene, dict[str, float]]:
     return load_scene(moved, urdf=urdf), home
 
 
-def test_a_pose_out_of_reach_is_not_walked_to(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pose_out_of_reach_is_not_continued_to(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two tangents and an arc are 0.93 m at first, 1.02 m at the pose that is asked for then."""
     scene, home = past_a_ball(0.225)
     tracker = Tracker(scene)
     before = tracker.solve(home)["cable"]
     assert before.status is Status.CONVERGED
-    monkeypatch.setattr(cable_tracker, "walk", None)  # calling it would raise
+    monkeypatch.setattr(cable_tracker, "continue_branch", None)  # calling it would raise
     far = tracker.solve({**home, "z": 0.92})["cable"]
     assert far.status is Status.OUT_OF_REACH
     assert "'cable' is too short to get past obstacle 'ball'" in far.message
@@ -58,18 +58,18 @@ def solved(joints: list[dict[str, float]], scene: Scene) -> list[Equilibrium]:
     return [tracker.arrive(one)["cable"] for one in joints]
 
 
-def test_a_way_that_takes_too_much_is_solved_anew_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_path_that_takes_too_much_is_solved_again_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, home = past_a_ball(0.1)
     path = [home, {**home, "z": 0.3, "x": -0.4, "pitch": 1.0}]
     there = solved(path, scene)[-1]
     assert there.status.trusted
     monkeypatch.setattr(cable_tracker, "WORK", 0)
-    anew = solved(path, scene)[-1]
-    assert anew.status is Status.BRANCH_LOST
-    assert not anew.converged
-    assert "solved anew" in anew.message
+    fresh = solved(path, scene)[-1]
+    assert fresh.status is Status.BRANCH_LOST
+    assert not fresh.converged
+    assert "solved again" in fresh.message
     again = solved(path, scene)[-1]
-    assert np.array_equal(anew.end_wrench, again.end_wrench)
+    assert np.array_equal(fresh.end_wrench, again.end_wrench)
 
 
 def carried() -> tuple[Scene, dict[str, float]]:
@@ -135,7 +135,7 @@ def test_an_impossible_value_is_answered_at_once(value: float, monkeypatch: pyte
     scene, urdf, home = on_carriage(cable(SKEW))
     tracker = Tracker(load_scene(scene, urdf=urdf))
     tracker.solve(home)
-    monkeypatch.setattr(cable_tracker, "walk", None)  # calling it would raise
+    monkeypatch.setattr(cable_tracker, "continue_branch", None)  # calling it would raise
     (found,) = tracker.solve({**home, "spin": value}).values()
     assert found.status is Status.INVALID_INPUT
 
@@ -159,7 +159,7 @@ def test_work_is_counted() -> None:
     scene, home = past_a_ball(0.225)
     tracker = Tracker(scene)
     tracker.solve(home)
-    rod = tracker._followers[0].rod
+    rod = tracker._tracked_cables[0].rod
     assert isinstance(rod, TouchingRod)
     assert rod.count > 0
     found = tracker.solve({**home, "x": 1e-3})["cable"]

@@ -79,9 +79,9 @@ def test_the_command_line_tells(monkeypatch, capsys):
 
 def test_no_solve_time_counts_it(monkeypatch):
     tracker = Tracker(load_scene(ARM))
-    (follower,) = tracker._followers
+    (tracked,) = tracker._tracked_cables
     tracker.solve({"orientation": 0.0})
-    solve, spent = follower.solve, []
+    solve, spent = tracked.solve, []
 
     def compiling(*arguments):
         before = GETTING.seconds, COMPILING.seconds
@@ -89,7 +89,7 @@ def test_no_solve_time_counts_it(monkeypatch):
         spent.extend((GETTING.seconds - before[0], COMPILING.seconds - before[1]))
         return solve(*arguments)
 
-    monkeypatch.setattr(follower, "solve", compiling)
+    monkeypatch.setattr(tracked, "solve", compiling)
     begin = time.perf_counter()
     (found,) = tracker.solve({"orientation": 0.01}).values()
     passed = time.perf_counter() - begin

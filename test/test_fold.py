@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Through a fold: what is published before and after, what is reported, and that the energy only falls."""
+"""Through a fold: what is published before and after, what is reported, and that the energy only snaps."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ def test_the_snap_is_at_the_same_angle_whatever_the_steps() -> None:
         part = re.search(r"at (\S+) % of the step", found[at].message)
         assert part
         where.append(angles[at - 1] + step * float(part[1]) / 100.0)
-    # the walk stops within 1e-4 of a step of the fold, and a fold is felt before it is reached
+    # the continuation stops within 1e-4 of a step of the fold, and a fold is felt before it is reached
     assert where == pytest.approx([where[-1]] * 3, abs=0.02)
 
 
 def test_energy_only_falls(monkeypatch: pytest.MonkeyPatch) -> None:
-    falls: list[list[float]] = []
-    linearize, fall = Rod.linearize, continuation.fall
+    snaps: list[list[float]] = []
+    linearize, snap_through = Rod.linearize, continuation.snap_through
 
     def spy(*args, **kwargs):
         energies: list[float] = []
@@ -81,15 +81,15 @@ def test_energy_only_falls(monkeypatch: pytest.MonkeyPatch) -> None:
 
         with monkeypatch.context() as patch:
             patch.setattr(Rod, "linearize", recorded)
-            result = fall(*args, **kwargs)
-        falls.append(energies)
+            result = snap_through(*args, **kwargs)
+        snaps.append(energies)
         return result
 
-    monkeypatch.setattr(continuation, "fall", spy)
+    monkeypatch.setattr(continuation, "snap_through", spy)
     through_the_fold(2.0)
-    snap = max(falls, key=lambda energies: energies[0] - energies[-1])
+    snap = max(snaps, key=lambda energies: energies[0] - energies[-1])
     assert len(snap) > 5
-    # from the second on: the clamp's last small move, before the fall, may do work on the cable;
+    # from the second on: the clamp's last small move, before the snap-through, may do work on the cable;
     # rounding of an energy of about 3 is below 1e-12
     assert np.diff(snap[1:]).max() < 1e-12
     assert snap[-1] < 0.5 * snap[1]

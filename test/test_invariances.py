@@ -29,7 +29,7 @@ def solve(mapping: dict[str, Any], tolerance: float = TOLERANCE) -> Equilibrium:
 
 
 def case(seed: int) -> tuple[dict[str, Any], Equilibrium]:
-    """A random cable, with its own twist as the hint so that changed copies stay on the branch."""
+    """A random cable, with its own twist as the target so that changed copies stay on the branch."""
     mapping = random_cable(np.random.default_rng(seed))
     found = solve(mapping)
     mapping["cables"][0]["total_twist"] = found.total_twist

@@ -154,11 +154,9 @@ def test_where_it_touches_the_clearance_is_nothing():
 def test_on_a_drum_it_is_bent_as_the_drum_is(tolerance):
     """Rod over a drum of 0.15 m, whose radius is that of the centreline there: no span is bent more."""
     steps, _ = tracker(CASES["draped"], tolerance)
-    (follower,) = steps._followers
+    (tracked,) = steps._tracked_cables
     nothing = Obstacles(np.zeros((0, WIDTH)), ())
-    radius, *_ = extremes(
-        follower.rod, follower.q, follower._F, STILL, follower._units, CableLimits(), nothing
-    )()
+    radius, *_ = extremes(tracked.rod, tracked.q, tracked._F, STILL, tracked._units, CableLimits(), nothing)()
     # Of the moment the parts of the pressure leave 1e-4; exact ones would leave the wrench's tolerance.
     assert radius.value == pytest.approx(RADIUS, rel=2e-4)
 

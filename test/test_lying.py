@@ -137,8 +137,8 @@ def test_the_wrench_has_twice_the_order_of_the_elements(
     """Equal elements in each span and on the stretch: the ends of a stretch cost no order."""
     case = CASES[name]
     steps, _ = tracker(case, 1e-8)
-    (follower,) = steps._followers
-    rod, q, force = follower.rod, follower.q, follower._F
+    (tracked,) = steps._tracked_cables
+    rod, q, force = tracked.rod, tracked.q, tracked._F
     assert isinstance(rod, TouchingRod)
     rows = rod.points[: rod.count]
     bounds = np.array([0.0, *np.sort(rows[rows[:, KIND] != SAMPLE, ARC_LENGTH]), 1.0])

@@ -44,7 +44,7 @@ def errors(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
 # 1e-6 at a tolerance of 1e-7: the wrenches of the file are good to about 1e-9.
 @pytest.mark.parametrize(("tolerance", "allowed"), [(1e-2, 1e-2), (1e-4, 1e-4), (1e-7, 1e-6)])
 @pytest.mark.parametrize("name", KNOWN)
-def test_known_equilibrium_cold_on_the_branch_of_the_hint(
+def test_known_equilibrium_cold_on_the_branch_of_the_target_twist(
     name: str, tolerance: float, allowed: float
 ) -> None:
     known = KNOWN[name]
@@ -61,7 +61,7 @@ def test_known_equilibrium_cold_on_the_branch_of_the_hint(
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_known_energy_and_the_least_one_without_a_hint(name: str) -> None:
+def test_known_energy_and_the_least_one_without_a_target_twist(name: str) -> None:
     known = KNOWN[name]
     # The file's energies are good to 3e-6; where they pass through zero, of what elastic energy and work are.
     scale = abs(known.energy) + known.units.moment + float(np.linalg.norm(known.weight)) * known.length**2

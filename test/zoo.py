@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from zoo_contact import CONTACT
 from zoo_drawn import DRAWN
 from zoo_hose import PASSING
-from zoo_make import ARM, SKEW, arm, cable, exact, led, solved, turned, without_hint
+from zoo_make import ARM, SKEW, arm, cable, exact, led, solved, turned, without_target_twist
 
 from cable_ros.bench.carriage import on_carriage
 from cable_ros.bench.cases import TRUSTED, Case
@@ -149,7 +149,7 @@ def twisted() -> list[Case]:
     cases = [
         Case(
             f"{turns:+d} turns asked for",
-            "verified; within half a turn of the hint",
+            "verified; within half a turn of the target twist",
             cable(SKEW, total_twist=2 * math.pi * turns),
             check=checks.twist_near(2 * math.pi * turns) if abs(turns) <= 1 else None,
         )
@@ -227,7 +227,7 @@ def buckling() -> list[Case]:
         replace(
             exact("buckled with a whisper of weight", down),
             # A weight of gravity number 1e-3 picks the lower side and changes the wrench by about that.
-            scene=without_hint(replace(down, weight=np.array([0.0, -1e-3, 0.0])).scene()),
+            scene=without_target_twist(replace(down, weight=np.array([0.0, -1e-3, 0.0])).scene()),
             expected="closed form, lower side",
             wrench=mirror * down.end_wrench,
             wrench_tolerance=1e-3,
@@ -237,7 +237,7 @@ def buckling() -> list[Case]:
         replace(
             cases[1],
             name="buckled to chord 0.9, no side asked for",
-            scene=without_hint(planar.buckled(1.0, 1.0, 0.9).scene()),
+            scene=without_target_twist(planar.buckled(1.0, 1.0, 0.9).scene()),
             expected="closed form, either side, says so",
             check=checks.says("one of 2 of equal energy"),
         )
@@ -250,7 +250,7 @@ def neutral() -> list[Case]:
     round_rod = replace(planar.buckled(1.0, 1.0, 0.9), stiffness=np.array([1.0, 1.0, 1.0]))
     twisted = spatial.twisted_straight(1.0, 1.0, 0.7, 0.8).scene()
     twisted["cables"][0]["end"]["position"] = [0.95, 0.0, 0.0]
-    free = checks.says("turn freely into each other")
+    free = checks.says("turns freely from one to the next")
     return [
         Case(
             "buckled round rod",

@@ -75,12 +75,16 @@ def constant(tolerance: float) -> Check:
     return check
 
 
-def twist_near(hint: float) -> Check:
+def twist_near(target_twist: float) -> Check:
     """The branch is the one that was asked for."""
 
     def check(steps: list[Step]) -> str | None:
         twist = steps[-1].equilibrium.total_twist
-        return None if abs(twist - hint) <= math.pi + 0.1 else f"twist {twist:.3f}, asked for {hint:.3f}"
+        return (
+            None
+            if abs(twist - target_twist) <= math.pi + 0.1
+            else f"twist {twist:.3f}, asked for {target_twist:.3f}"
+        )
 
     return check
 

@@ -33,10 +33,10 @@ def cable(
     weight = np.array([0.0, -gravity_number * min(stiffness[:2]), 0.0])
     reference = Reference(1.0, np.array(stiffness), start, end, STAY, STAY, weight=weight)
     mapping = reference.scene(**fields)
-    return mapping if "total_twist" in fields else without_hint(mapping)
+    return mapping if "total_twist" in fields else without_target_twist(mapping)
 
 
-def without_hint(mapping: dict[str, Any]) -> dict[str, Any]:
+def without_target_twist(mapping: dict[str, Any]) -> dict[str, Any]:
     """The scene with nothing said of its branch: that of least energy is expected."""
     (one,) = mapping["cables"]
     del one["total_twist"]

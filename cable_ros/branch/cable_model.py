@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One cable in units of its own: its section, its obstacles, and whether anything bars its way."""
+"""One cable in its own units: section, obstacles, and whether it can reach between its clamps at all."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from cable_ros.rod.units import Units, relative, relative_change
 from cable_ros.scene import Cable, Kinematics
 
 CLAMP_DEPTH = 1e-6
-"""A clamp may be this deep inside an obstacle, parts of the length: rounding of poses."""
+"""Maximum depth of a clamp inside an obstacle, L: rounding of poses."""
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
 LONGEST_STRETCH = 1.1
-"""A cable that stretches may be pulled to so many lengths; past that its stiffness is no constant."""
+"""Maximum chord of an extensible cable, L: beyond it the stiffness is not constant."""
 
 
 class CableModel:
-    """A cable as its scene and the effects in use leave it; SI outside, units of the cable inside."""
+    """A cable with its properties by scene and effects; SI outside, units of the cable inside."""
 
     def __init__(self, cable: Cable, properties: Properties, obstacle_names: Sequence[str] = ()) -> None:
         self.name = cable.name
-        self._hint = cable.total_twist
+        self._target_twist = cable.total_twist
         self._names = obstacle_names
         self._diameter = 2.0 * cable.radius
         self._density = cable.linear_density
@@ -53,7 +53,7 @@ class CableModel:
 
     @property
     def _reach(self) -> float:
-        """How far apart the clamps may be, parts of the length."""
+        """Maximum distance between the clamps, L."""
         return 1.0 if self._compliance is None or not self._compliance[2] else LONGEST_STRETCH
 
     def _conditions(
@@ -67,13 +67,13 @@ class CableModel:
             return None
         return placed(self._obstacles, kinematics.obstacle_poses(joints), poses[0], self._units.length)
 
-    def _no_way(self, conditions: Conditions) -> str:
-        """What is in the way of every cable of this length between the clamps; empty where nothing is."""
+    def _obstruction(self, conditions: Conditions) -> str:
+        """Why no cable of this length can be between the clamps, a sentence; empty if one can."""
         obstacles, re = conditions.obstacles, conditions.re
-        return self._blocked(obstacles, re) or self._barred(obstacles, re)
+        return self._clamp_inside(obstacles, re) or self._too_short(obstacles, re)
 
-    def _blocked(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
-        """A sentence where a clamp is inside an obstacle, so that no shape of the cable can be right."""
+    def _clamp_inside(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
+        """A sentence if a clamp is inside an obstacle; else empty."""
         if obstacles is None:
             return ""
         for end, r in (("start", NOTHING), ("end", re)):
@@ -86,14 +86,14 @@ class CableModel:
                 )
         return ""
 
-    def _barred(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
-        """A sentence where no way past the obstacles is as short as the cable."""
+    def _too_short(self, obstacles: np.ndarray | None, re: np.ndarray) -> str:
+        """A sentence if the shortest path found past the obstacles is longer than the cable; else empty."""
         found = None if obstacles is None else too_short(re, obstacles, self._reach)
         if found is None or obstacles is None:
             return ""
         missing, which = found
         return (
-            f"Cable '{self.name}' is too short to get past obstacle '{self._names[which]}': the shortest way"
+            f"Cable '{self.name}' is too short to get past obstacle '{self._names[which]}': the shortest path"
             f" found between its clamps is {missing * self._units.length * 1e3:.4g} mm longer."
         )
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cold start: the stable equilibria of one pose, from a fixed list of starts, and meshes for a tolerance."""
+"""Cold start: the stable equilibria of one pose from fixed initial shapes, and meshes for a tolerance."""
 
 from __future__ import annotations
 
@@ -19,33 +19,36 @@ from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.solve.trust_region import Options
 
 AIM, ACCEPT = 0.1, 0.45
-"""A new mesh aims at this part of the tolerance; an old one is kept up to that part."""
+"""Fractions of the tolerance: the error that a new mesh aims at, and the largest of a mesh that is kept."""
 LENIENT = 1.6
-"""An old one is kept while contacts misplace its elements by this many times what a new one may; see
-`BorderedRod.unresolved`."""
+"""Maximum misfit between contacts and elements of a mesh that is kept, over that of a new one; see
+`FixedSetRod.unresolved`."""
 TAUT = 0.999
-"""Where its chord is more than this part of its length, a stretching cable is looked for straight first."""
+"""Minimum chord, L, at which the search for an extensible cable begins with the straight shape."""
 SEARCH = 1e-2
-"""Tolerance of contact while a search is on: how finely a touching stretch is held."""
+"""Tolerance of contact during a search."""
 NEAR = 0.02
-"""Difference of total twist, rad, from the one asked for, below which a search has found it."""
+"""Maximum difference of total twist, rad, from the target at which a search ends."""
 SEARCH_OPTIONS = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
 LIMIT = 1e9
-"""Work that no search takes."""
+"""Unlimited work: more than any search takes."""
 START_WORK = 60_000.0
-"""Budget of a start among obstacles, iterations times unknowns: of 300 starts that led somewhere none took
-more than 40,000, and those that lead nowhere may take five times that."""
+"""Budget of one descent among obstacles, iterations times unknowns. Of 300 that converged none took more
+than 40,000; those that fail may take five times that."""
 
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """What one rod is up against, in units of the cable and the start clamp's frame."""
+    """Boundary conditions, load and obstacles of a rod, in units of the cable and the start clamp's frame."""
 
     qe: np.ndarray
+    """(4,) end frame, scalar first."""
     re: np.ndarray
+    """(3,) end position, L."""
     f: np.ndarray
+    """(3,) load per length, EI / L^3."""
     obstacles: np.ndarray | None = None
-    """(n, distance.WIDTH); None: nothing to touch."""
+    """(n, distance.WIDTH); None: no contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,36 +60,40 @@ class Sought:
     natural: np.ndarray
     """(3,) curvature and twist of the unloaded cable."""
     conditions: Conditions
-    hint: float | None
-    """Total twist that is asked for, rad; None: any."""
+    target_twist: float | None
+    """Total twist, rad, of the equilibrium wanted; None: that of least energy."""
     tolerance: float
     """Of the end wrench, relative."""
     compliance: np.ndarray | None = None
-    """(3,) by which it stretches and shears; None: not at all."""
+    """(3,) of shear and axial strain; None: inextensible and unshearable."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A stable equilibrium: the factored rod and where it is."""
+    """A stable equilibrium: the factored rod and its state."""
 
     rod: Rod
     q: np.ndarray
+    """(n, 4) nodal frames."""
     F: np.ndarray
+    """(3,) end force, EI / L^2."""
     energy: float
+    """EI / L."""
     twist: float
+    """Total twist, rad."""
     iterations: int
 
     @classmethod
     def at(cls, rod: Rod, q: np.ndarray, F: np.ndarray, iterations: int = 0) -> Found:
-        """The equilibrium (q, F) for which the rod is factored, found in so many iterations."""
+        """The equilibrium (q, F), for which the rod is factored."""
         return cls(rod, q, F, float(rod.totals[ENERGY]), float(rod.totals[TWIST]), iterations)
 
 
 def first_mesh(conditions: Conditions, twist: float, tolerance: float) -> Mesh:
     """A coarse mesh for the search: finer for many turns, and at the clamps where weight makes layers.
 
-    From 1e-3 on, four elements are the least: what they resolve at one pose they mostly do at all, so that
-    the mesh need not change under way.
+    Tolerances below 1e-3 get at least four elements. If these resolve one pose, they mostly resolve all, and
+    the mesh need not change along the path.
     """
     layer = min(1.0, 3.0 / np.sqrt(max(float(np.linalg.norm(conditions.f)), 1.0)))
     count = (4 if tolerance < 1e-3 else 3) + int(abs(twist) / 6.0)
@@ -101,9 +108,10 @@ def first_mesh(conditions: Conditions, twist: float, tolerance: float) -> Mesh:
 
 
 def _taut_layer(conditions: Conditions) -> float:
-    """Length of the bends at the clamps of a nearly taut cable, which use up all its slack.
+    """Length l, in L, of the boundary layers of bending at the clamps of a nearly taut cable.
 
-    A tangent that is off the chord by a exp(-s / l) makes the cable reach a^2 l / 4 less far.
+    An angle a exp(-s / l) between tangent and chord shortens the chord by a^2 l / 4; l is such that the two
+    layers take all the slack.
     """
     chord = float(np.linalg.norm(conditions.re))
     along = conditions.re / max(chord, 1e-9)
@@ -113,7 +121,7 @@ def _taut_layer(conditions: Conditions) -> float:
 
 
 def settle(rod: Rod, q: np.ndarray, F: np.ndarray, options: Options = Options()) -> Found | None:  # noqa: B008
-    """The minimum near (q, F), factored, or None."""
+    """The minimum of the energy near (q, F), factored; or None."""
     return _found(rod, rod.minimum(q, F, options))
 
 
@@ -142,7 +150,7 @@ def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
     gain = (AIM * tolerance / max(estimate, 1e-16)) ** (1.0 / (2 * order))
     size = rod.h * gain * (shares.mean() / shares) ** (1.0 / (2 * order + 1))
     size = np.clip(size, 0.25 * rod.h, 3.0 * rod.h)
-    # neighbours of a hard element are made to help: sizes grow at most threefold from one to the next
+    # sizes grow at most threefold from one element to the next
     for i in range(1, len(size)):
         size[i] = min(size[i], 3.0 * size[i - 1])
     for i in range(len(size) - 2, -1, -1):
@@ -154,7 +162,7 @@ def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
 
 
 def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:
-    """The equilibrium on a mesh whose estimated error is at most `accept` * tolerance, if any; that error."""
+    """The equilibrium on a mesh with an error of at most `accept` * tolerance, or the best one; its error."""
     iterations = found.iterations
     if isinstance(found.rod, TouchingRod) and found.rod.tolerance != tolerance:
         closer = settle(found.rod.variant(tolerance=tolerance), found.q, found.F)
@@ -186,19 +194,19 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
 
 
 class Starts:
-    """Descents from a fixed list of start shapes to the stable equilibria of one pose, one after the other.
+    """Energy descents from a fixed list of initial shapes to the stable equilibria of one pose, one by one.
 
     Args:
-        sought: the pose and what is asked for there; the mesh is a coarse one for its tolerance.
-        thorough: whether to go on after an equilibrium whose twist is within NEAR of the hint.
+        sought: the pose and the target; the search uses a coarse mesh for its tolerance.
+        thorough: whether to continue after an equilibrium within NEAR of the target twist.
     """
 
     def __init__(self, sought: Sought, thorough: bool) -> None:
         self.found: list[Found] = []
-        """Distinct equilibria on the coarse mesh, as they came."""
+        """Distinct equilibria on the coarse mesh, in the order found."""
         self._sought, self._thorough = sought, thorough
         conditions, natural = sought.conditions, sought.natural
-        turns = abs(sought.hint or 0.0) + float(np.linalg.norm(natural))
+        turns = abs(sought.target_twist or 0.0) + float(np.linalg.norm(natural))
         self._mesh = first_mesh(conditions, turns, sought.tolerance)
         self._seen: list[np.ndarray] = []
         chord, re = float(np.linalg.norm(conditions.re)), conditions.re
@@ -206,16 +214,16 @@ class Starts:
         if sought.compliance is not None:
             re = re * min(1.0, SLACK / max(chord, SLACK))
         nodes, qe, f = self._mesh.nodes, conditions.qe, conditions.f
-        self._shapes = list(starts(nodes, qe, re, f, sought.hint, natural, self._taut))
-        self._strings: list[np.ndarray] | None = None  # the shortest ways past the obstacles
+        self._shapes = list(starts(nodes, qe, re, f, sought.target_twist, natural, self._taut))
+        self._strings: list[np.ndarray] | None = None  # the shortest paths past the obstacles
 
     @property
     def over(self) -> bool:
-        """Whether all that there is to start from has been tried."""
+        """Whether all initial shapes have been tried."""
         return not self._shapes and not self._strings
 
     def descend(self) -> float:
-        """Descend from the next shape; returns the work that it took, iterations times unknowns."""
+        """Descend from the next initial shape; returns the work, iterations times unknowns."""
         rod = self._rod()
         rod.work = START_WORK if rod.obstacles is not None and self._shapes else LIMIT
         left = rod.work
@@ -231,7 +239,7 @@ class Starts:
         if one is not None:
             self._keep(one)
         if not self._shapes and not self.found and self._strings is None and rod.obstacles is not None:
-            # soft obstacles let a taut cable through, and hard ones then hold it on the wrong side
+            # a taut cable may pass through soft obstacles, and be caught on the wrong side as they harden
             self._strings = taut_strings(rod.re, rod.obstacles, 1.0)
             self._seen = []
         return left
@@ -251,43 +259,43 @@ class Starts:
         return rod
 
     def _past_obstacles(self, rod: Rod) -> Found | None:
-        """The equilibrium that a descent from the next shortest way past the obstacles leads to."""
+        """The equilibrium that a descent from the next shortest path past the obstacles leads to."""
         assert isinstance(rod, TouchingRod)
         assert self._strings
         sought = self._sought
-        q = along(self._strings.pop(0), self._mesh.nodes, rod.qe, sought.hint, sought.natural)
+        q = along(self._strings.pop(0), self._mesh.nodes, rod.qe, sought.target_twist, sought.natural)
         one = _found(rod, descend(rod, q, np.zeros(3), SEARCH_OPTIONS, 1, taut=True))
         if one is not None:
             self._strings.clear()
         return one
 
     def _keep(self, one: Found) -> None:
-        """Take note of an equilibrium, and end the search if it is the one that is asked for."""
+        """Record an equilibrium, and end the search if it has the target twist."""
         if any(same(one, other) for other in self.found):
             lowest = min(self.found, key=lambda other: other.energy)
             if self._taut and not self._thorough and same(one, lowest):
-                self._shapes.clear()  # pulled straight, all starts of one twist are one
+                self._shapes.clear()  # in a straight cable, all starts of one twist lead to one equilibrium
             return
         self.found.append(one)
-        hint = self._sought.hint
-        if hint is not None and not self._thorough and abs(one.twist - hint) < NEAR:
+        target_twist = self._sought.target_twist
+        if target_twist is not None and not self._thorough and abs(one.twist - target_twist) < NEAR:
             self._shapes.clear()
 
 
 def equilibria(
-    stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, hint: float | None,
+    stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, target_twist: float | None,
     tolerance: float = 1e-4, thorough: bool = True, compliance: np.ndarray | None = None,
 ) -> list[Found]:  # fmt: skip
-    """All that `Starts` leads to, by rising energy."""
+    """All equilibria that `Starts` finds, by rising energy; arguments as in `Sought` and `Starts`."""
     natural = np.zeros(3) if natural is None else natural
-    search = Starts(Sought(stiffness, natural, conditions, hint, tolerance, compliance), thorough)
+    search = Starts(Sought(stiffness, natural, conditions, target_twist, tolerance, compliance), thorough)
     while not search.over:
         search.descend()
     return sorted(search.found, key=lambda one: one.energy)
 
 
 def same(a: Found, b: Found) -> bool:
-    """Whether two finds are one equilibrium; mirror images share twist and energy, not the end moment."""
+    """Whether a and b are one equilibrium; mirror images share twist and energy, but not the end moment."""
     moment = a.rod.g[-1]
     return (
         abs(a.twist - b.twist) < 1e-3

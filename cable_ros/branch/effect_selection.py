@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`effects: auto`: which effects a cable can do without at its tolerance, and when to ask anew."""
+"""`effects: auto`: which effects are negligible at a cable's tolerance, and when to decide that again."""
 
 from __future__ import annotations
 
@@ -15,78 +15,78 @@ from cable_ros.equilibrium import Equilibrium
 from cable_ros.scene import Cable, Kinematics, Scene
 
 PART = 0.1
-"""What is left out may change the end wrench by this part of the tolerance, all together."""
+"""Maximum change of the end wrench by all omitted effects together, as a fraction of the tolerance."""
 GROWN, TURNED = 2.0, 0.3
-"""That is measured again when the end wrench has grown or shrunk so many times, or some section has turned by
-so much, rad; sooner where the last measure left less than a factor ROOM to the limit."""
+"""Change of the end wrench, a factor, and rotation of a section, rad, after which the omission is measured
+again; sooner if the last measure was within a factor ROOM of the limit."""
 ROOM = 1e3
 UNREMOVED = ("contact", "friction")
-"""Never left out: they cost next to nothing while nothing touches, and nothing tells when something will."""
+"""Never omitted: they cost little without contact, and nothing predicts when contact begins."""
 
 
-def prepare(follower: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int) -> None:
-    """Take all effects in again where the choice no longer holds: before a cold start."""
-    choice = follower.choice
-    if choice is not None and (follower.rod is None or choice.tolerance != follower.tolerance):
-        _take_all_in(follower, scene, cable, kinematics, index)
+def prepare(tracked: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int) -> None:
+    """Include all effects again if the choice no longer holds: before a cold start."""
+    choice = tracked.choice
+    if choice is not None and (tracked.rod is None or choice.tolerance != tracked.tolerance):
+        _take_all_in(tracked, scene, cable, kinematics, index)
 
 
 def review(
-    follower: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int, found: Equilibrium
+    tracked: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int, found: Equilibrium
 ) -> bool:
-    """Choose after a solve; whether the equations have changed, so that the pose must be solved again.
+    """Choose the effects after a solve; returns whether the pose must be solved again with others.
 
     Args:
-        follower: with the equilibrium that it has just found.
-        scene, cable, kinematics, index: what it follows.
+        tracked: with the equilibrium that it has just found.
+        scene, cable, kinematics, index: of its cable.
         found: that equilibrium.
     """
-    choice, rod = follower.choice, follower.rod
+    choice, rod = tracked.choice, tracked.rod
     if rod is None:
         return False
     if choice is not None:
         if not choice.left_out:
             return False
-        if not _outgrown(choice, follower.size(found.end_wrench), follower.q):
+        if not _outgrown(choice, tracked.size(found.end_wrench), tracked.q):
             return False
-        full = _wrench(follower, scene, cable, kinematics, index, ())
-        if full is None:  # cannot be followed from here: better a later measure than a lost branch
-            follower.choice = _choice(follower, choice.left_out, choice.change, found)
+        full = _wrench(tracked, scene, cable, kinematics, index, ())
+        if full is None:  # the continuation fails here: better measure later than lose the branch
+            tracked.choice = _choice(tracked, choice.left_out, choice.change, found)
             return False
-        change = follower.difference(found.end_wrench, full)
-        if change <= PART * follower.tolerance:
-            follower.choice = _choice(follower, choice.left_out, change, found)
+        change = tracked.difference(found.end_wrench, full)
+        if change <= PART * tracked.tolerance:
+            tracked.choice = _choice(tracked, choice.left_out, change, found)
             return False
-        _take_all_in(follower, scene, cable, kinematics, index)
-        if follower.rod is None:
-            return True  # the next solve looks for the branch, and chooses
-    left_out, change = _measure(follower, scene, cable, kinematics, index)
-    follower.choice = _choice(follower, left_out, change, found)
+        _take_all_in(tracked, scene, cable, kinematics, index)
+        if tracked.rod is None:
+            return True  # the next solve searches for the branch, and chooses
+    left_out, change = _measure(tracked, scene, cable, kinematics, index)
+    tracked.choice = _choice(tracked, left_out, change, found)
     if left_out:
-        remaining = properties(scene, cable, _others(scene, cable, left_out), follower.environment)
-        follower.become(remaining, kinematics.poses, index)
+        remaining = properties(scene, cable, _others(scene, cable, left_out), tracked.environment)
+        tracked.change_properties(remaining, kinematics.poses, index)
     return bool(left_out) or choice is not None
 
 
-def _choice(follower: CableTracker, left_out: tuple[str, ...], change: float, found: Equilibrium) -> Choice:
+def _choice(tracked: CableTracker, left_out: tuple[str, ...], change: float, found: Equilibrium) -> Choice:
     note = f" Left out: {', '.join(left_out)} (changes the end wrench by {change:.1g})." if left_out else ""
-    size = follower.size(found.end_wrench)
-    return Choice(left_out, change, follower.tolerance, size, follower.q, note)
+    size = tracked.size(found.end_wrench)
+    return Choice(left_out, change, tracked.tolerance, size, tracked.q, note)
 
 
 def _measure(
-    follower: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int
+    tracked: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int
 ) -> tuple[tuple[str, ...], float]:
-    """What can be left out of a cable that has everything in, and what that changes."""
-    with_all = _wrench(follower, scene, cable, kinematics, index, ())
+    """The effects that can be omitted from a cable with all of them, and the change by that."""
+    with_all = _wrench(tracked, scene, cable, kinematics, index, ())
     if with_all is None:
         return (), 0.0
 
     def change(left_out: tuple[str, ...]) -> float:
-        without = _wrench(follower, scene, cable, kinematics, index, left_out)
-        return np.inf if without is None else follower.difference(without, with_all)
+        without = _wrench(tracked, scene, cable, kinematics, index, left_out)
+        return np.inf if without is None else tracked.difference(without, with_all)
 
-    limit = PART * follower.tolerance
+    limit = PART * tracked.tolerance
     alone = {name: change((name,)) for name in wanted(scene, cable) if name not in UNREMOVED}
     small = sorted((name for name in alone if alone[name] <= limit), key=alone.__getitem__)
     while small:
@@ -98,17 +98,19 @@ def _measure(
 
 
 def _wrench(
-    follower: CableTracker,
+    tracked: CableTracker,
     scene: Scene,
     cable: Cable,
     kinematics: Kinematics,
     index: int,
     left_out: tuple[str, ...],
 ) -> np.ndarray | None:
-    """(6,) end wrench at the present pose without those effects; None where the branch ends on the way."""
-    twin = copy.copy(follower)
+    """(6,) end wrench at the present pose without those effects; None if the continuation to them fails."""
+    twin = copy.copy(tracked)
     names = _others(scene, cable, left_out)
-    followed = twin.become(properties(scene, cable, names, follower.environment), kinematics.poses, index)
+    followed = twin.change_properties(
+        properties(scene, cable, names, tracked.environment), kinematics.poses, index
+    )
     return twin.wrenches(twin.rod)[0] if followed and twin.rod is not None else None
 
 
@@ -117,14 +119,16 @@ def _others(scene: Scene, cable: Cable, left_out: Iterable[str]) -> tuple[str, .
 
 
 def _take_all_in(
-    follower: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int
+    tracked: CableTracker, scene: Scene, cable: Cable, kinematics: Kinematics, index: int
 ) -> None:
-    follower.choice = None
-    follower.become(properties(scene, cable, environment=follower.environment), kinematics.poses, index)
+    tracked.choice = None
+    tracked.change_properties(
+        properties(scene, cable, environment=tracked.environment), kinematics.poses, index
+    )
 
 
 def _outgrown(choice: Choice, size: float, q: np.ndarray) -> bool:
-    """Whether the end wrench or the shape is no longer like that of the last measure."""
+    """Whether the end wrench or the shape has changed too much since the last measure."""
     if q.shape != choice.shape.shape:
         return True
     limit = PART * choice.tolerance

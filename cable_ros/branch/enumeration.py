@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All stable equilibria of one pose that a search finds: a real cable shows one of them."""
+"""All stable equilibria of one pose that a search finds; a real cable is at one of them."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def branches(
 ) -> dict[str, list[Equilibrium]]:
     """The stable equilibria of every cable at the given joint values, by rising energy.
 
-    They differ by whole turns of twist and by the side to which the cable loops; `total_twist` names
-    them, and as the scene's `total_twist` asks for one. The search starts from shapes within about two turns
-    of the scene's hint, or of no twist. It is wide but no proof: others may exist. The list is empty where
-    the clamps are out of reach or nothing converged.
+    They differ by whole turns of twist and by the side to which the cable loops. `total_twist` tells them
+    apart; the field `total_twist` of a scene selects one. The search starts from shapes within about two
+    turns of that target, or of zero. It may miss some. The list is empty if the clamps are out of reach or
+    nothing converged.
 
     Args:
         scene: from `load_scene`.

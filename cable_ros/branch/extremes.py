@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The extremes that a scene's `limits` ask for, read off a rod at an equilibrium; SI units, world."""
+"""The extremes that a scene's `limits` ask for, of a rod at an equilibrium; SI units, world."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from cable_ros.rod.units import Units
 from cable_ros.scene.cable_limits import CableLimits
 
 SPREAD = 4
-"""Number of forces that stand for the pressure at a sample of a patch: one leaves an error of 3e-3 of the
-curvature there, 4 one of 1e-4."""
+"""Number of point forces for the pressure at a sample of a patch: 1 has an error of 3e-3 of the curvature
+there, 4 one of 1e-4."""
 NO_ARC_LENGTHS = np.zeros(0)
 
 
 class Obstacles(NamedTuple):
-    """What a cable keeps clear of."""
+    """The obstacles of a scene."""
 
     placed: np.ndarray
     """(n, WIDTH) as `distance.placed` makes them."""
@@ -41,14 +41,14 @@ def extremes(
     rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, limits: CableLimits,
     obstacles: Obstacles,
 ) -> Callable[[], tuple[Extreme, ...]]:  # fmt: skip
-    """What finds `Equilibrium.extremes` once it is called; from copies, since the rod moves on.
+    """A function that computes `Equilibrium.extremes` when called; from copies, since the rod changes.
 
     Args:
         rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,).
         start: (7,) the start clamp in the world, m, quaternion x y z w.
         unit: of the cable.
         limits: of the cable.
-        obstacles: what it keeps clear of, whether or not contact is among its effects.
+        obstacles: of the scene, whether or not contact is among the effects.
     """
     arc_lengths, forces = point_forces(rod)
     loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), arc_lengths, forces)
@@ -61,8 +61,8 @@ def extremes(
 def point_forces(rod: Rod) -> tuple[np.ndarray, np.ndarray]:
     """Arc lengths (k,), rising, and forces on the rod (k, 3) of its contacts, in units of the cable.
 
-    What stands for the pressure along a length is spread over that, with the same moment: a single force
-    would bend a kink into the curvature.
+    The pressure at a sample of a patch becomes several forces with the same resultant and moment: a single
+    one would cause a kink in the curvature.
     """
     if isinstance(rod, NodalRod):
         arc_lengths, _, _, forces, _, _, lengths = rod.contacts()

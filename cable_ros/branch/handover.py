@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From one formulation of contact to the other: `TouchingRod` is exact, `NodalRod` is robust."""
+"""From one formulation of contact to the other: `TouchingRod` is accurate, `NodalRod` is robust."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import numpy as np
 
 from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Sought, first_mesh, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
-from cable_ros.contact.nodal_contacts import places_for
-from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.grid_friction import Friction
+from cable_ros.contact.nodal_contacts import point_count
+from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
@@ -23,45 +23,45 @@ from cable_ros.rod.units import relative_change
 from cable_ros.solve.trust_region import Options
 
 ALIKE = 0.05
-"""Relative difference of two end wrenches below which both formulations show the same equilibrium."""
+"""Maximum relative difference of the end wrenches of one equilibrium in both formulations."""
 TURNED = 0.1
-"""Rotation of a section, rad, below which they do."""
+"""Maximum rotation of a section, rad, between both."""
 SETTLE = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
-"""For a descent to the equilibrium beside a shape."""
+"""For a descent to the equilibrium nearest to a shape."""
 TRIALS: tuple[tuple[int, int | None], ...] = ((16, None), (0, 1), (16, 0), (8, 1), (16, 1))
-"""What is tried in turn: numbers of elements, 0 for those of a search, and the first of
-`penalty_continuation.SPRINGS`, None to take over the contacts of the grid."""
+"""Tried in turn: numbers of elements, 0 for those of a search, and the first of
+`penalty_continuation.SPRINGS`, or None to start from the contacts of the grid."""
 WORK = 40_000.0
-"""Budget, iterations times unknowns, of a rod that takes over, if there is less left."""
+"""Minimum budget, iterations times unknowns, of a rod that takes over."""
 EXACT_WORK = 60_000.0
-"""Budget of a search for an exact equilibrium beside one on a grid."""
+"""Maximum budget of a search for the accurate equilibrium beside one on a grid."""
 LEVEL = 0.1
-"""Gap between two contacts on the grid, spacings squared per length, that counts as none: it is no finer."""
-HOLDS = 2
-"""Number of solves with friction held: the first may find other contacts."""
+"""Maximum gap of a contact on the grid, in spacings squared per length: the grid resolves no less."""
+HELD_SOLVES = 2
+"""Number of solves with friction held constant: the first may change the contacts."""
 TRIES = 3
-"""Number of start shapes that a search lets come to rest."""
+"""Number of initial shapes that a search relaxes on a grid."""
 GRID = np.linspace(0.0, 1.0, 33)
-"""Where shapes are compared."""
+"""Arc lengths at which shapes are compared."""
 
 
 def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
-    """The equilibrium (q, F) with its friction on a uniform grid of contacts; None if that fails."""
+    """The equilibrium (q, F) and its friction on a uniform grid of contacts; None if that fails."""
     if not isinstance(rod, TouchingRod) or rod.obstacles is None:
         return None
     points = rod.points[: rod.count]
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.contact_force()))
-    new = NodalRod(rod.K, rod.natural, rod.obstacles, places_for(float(force)), rod.model == COULOMB)
+    new = NodalRod(rod.K, rod.natural, rod.obstacles, point_count(float(force)), rod.model == COULOMB)
     new.work = max(rod.work, WORK)
     adopted = new.adopt(rod, q, F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int))
     return new if adopted else None
 
 
 def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
-    """The equilibrium of a nodal rod without its grid, to the tolerance; None if none is found beside it."""
+    """The equilibrium of a nodal rod, solved to the tolerance without its grid; None if none is found."""
     if model != FRICTIONLESS and rod.touches:
         return _with_friction(rod, tolerance) if model == COULOMB else None
     assert rod.obstacles is not None
@@ -86,7 +86,7 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
             if estimate <= tolerance and _same(rod, one):
                 found = one
                 break
-        rod.tried += 1  # if no budget is left, the next pose goes on with the next
+        rod.tried += 1  # without budget left, the next pose tries the next
     rod.work -= given - left
     return found
 
@@ -103,7 +103,7 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
     q, F = _give_contacts(new, q, rod), rod.end_force
     friction = Friction.of(rod)
-    for model in (*(FRICTIONLESS,) * HOLDS, COULOMB):
+    for model in (*(FRICTIONLESS,) * HELD_SOLVES, COULOMB):
         friction.give(new)
         new.model, new.ready = model, False
         code, _, q, F = new.correct(q, F, SETTLE.step_tolerance)
@@ -117,7 +117,7 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
 
 
 def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """The equilibrium of the `new` rod next to the grid's, from its shape q (n, 4) there and its contacts."""
+    """The equilibrium of the `new` rod, started from the shape q (n, 4) and the contacts of the grid."""
     q = _give_contacts(new, q, rod)
     code, iterations, q_new, F_new = new.correct(q, rod.end_force, SETTLE.step_tolerance)
     return (q_new, F_new, iterations) if code == warm_step.ADVANCED else None
@@ -127,13 +127,13 @@ def _give_contacts(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> np.ndarray
     """Give the `new` rod of shape q (n, 4) the contacts of the grid; returns the shape on its mesh then."""
     new.trace(q)
     at, which = np.nonzero(rod.lies_on(LEVEL))
-    places = np.append(rod.s0, 1.0)[at]
-    give_contacts(new, q, which, places, rod.state.lam[at, which], 1.0 / rod.cells)
+    arc_lengths = np.append(rod.s0, 1.0)[at]
+    give_contacts(new, q, which, arc_lengths, rod.state.lam[at, which], 1.0 / rod.cells)
     return new.fit_patches(q)
 
 
 class Rest:
-    """A last resort of a search: start shapes come to rest on a grid, the least deep inside obstacles first.
+    """A last resort of a search: initial shapes relax on a grid of contacts, the least penetrating first.
 
     Args:
         sought: the pose; without obstacles there is nothing to try.
@@ -149,14 +149,16 @@ class Rest:
         return self._shapes is not None and not self._shapes
 
     def settle(self) -> tuple[Found | None, float]:
-        """The exact equilibrium where the next shape comes to rest, or None; the work that it took."""
+        """The accurate equilibrium where the next shape comes to rest, or None; and the work."""
         sought, there = self._sought, self._sought.conditions
         assert there.obstacles is not None
-        places = places_for(float(np.linalg.norm(there.f)))
-        rod = NodalRod(sought.stiffness, sought.natural, there.obstacles, places, coulomb=False)
+        points = point_count(float(np.linalg.norm(there.f)))
+        rod = NodalRod(sought.stiffness, sought.natural, there.obstacles, points, coulomb=False)
         rod.set_conditions(there.qe, there.re, there.f)
         if self._shapes is None:
-            begins = starts(rod.mesh.nodes, there.qe, there.re, there.f, sought.hint, sought.natural, False)
+            begins = starts(
+                rod.mesh.nodes, there.qe, there.re, there.f, sought.target_twist, sought.natural, False
+            )
             self._shapes = sorted(begins, key=rod.depth)[:TRIES]
         rod.work = LIMIT
         rests = rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Natural frequencies and modes of a cable about its equilibrium, whatever holds it; SI units, world."""
+"""Natural frequencies and modes of a cable about its equilibrium, with its contacts; SI units, world."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from cable_ros.rod.units import Units
 from cable_ros.rod.vibration import Motion, dense, lowest, mass, motion, strain_stiffness
 
 RIGID = 1e6
-"""EI / L^3; what holds the cable more stiffly than this holds it as if it were rigid."""
+"""Minimum stiffness, EI / L^3, of a contact that counts as rigid."""
 PAIR = 2
-"""Number of places side by side on a grid that stand for one point of contact; more are a patch."""
+"""Maximum number of neighbouring contacts on a grid that are one contact point; more are a patch."""
 FLAT = 1e-9
-"""1 / L; a gap whose curvature along the cable is less than this is flat."""
-Held = tuple[np.ndarray, np.ndarray]
-"""Rows (r, N) that do not move, and the stiffness (N, N) of all else that contacts do."""
+"""Minimum curvature, 1 / L, of a gap along the cable."""
+Support = tuple[np.ndarray, np.ndarray]
+"""Constraint rows (r, N) of rigid contacts, and the stiffness (N, N) of the others."""
 
 
 def modes(
@@ -44,15 +44,15 @@ def modes(
     """
     if not density:
         return no_modes(count, points, np.inf)
-    moved, H, held = _problem(rod, q, F)
+    moved, H, rows = _problem(rod, q, F)
     M, n = mass(moved), len(rod.elastic)
     try:
-        omega, vectors = lowest(H, M, held, count)
+        omega, vectors = lowest(H, M, rows, count)
     except np.linalg.LinAlgError:
-        # what turns freely is stable with a little more stiffness
+        # a cable that turns freely is stable with a little more stiffness
         H[:n, :n] += NEUTRAL * dense(rod.elastic)
         try:
-            omega, vectors = lowest(H, M, held, count)
+            omega, vectors = lowest(H, M, rows, count)
         except np.linalg.LinAlgError:
             return no_modes(count, points, np.nan)
     turn = quaternion.matrix_from_ros(start[3:])
@@ -63,12 +63,12 @@ def modes(
 
 
 def no_modes(count: int, points: int, frequency: float) -> Modes:
-    """Without shapes: a cable without mass, or what has no vibrations."""
+    """Without shapes: for a cable without mass, or one that cannot vibrate."""
     return Modes(np.full(count, frequency), np.full((count, points, 3), np.nan))
 
 
 def _problem(rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Motion, np.ndarray, np.ndarray]:
-    """How the rod moves, its Hessian (N, N), and the rows (r, N) that do not move."""
+    """The rod's kinematics, its Hessian (N, N), and the constraint rows (r, N) of clamps and contacts."""
     rod.refactor(q, F)
     compliance = rod.compliance if isinstance(rod, StretchingRod) else np.zeros(3)
     gauss = rod.s0[:, None] + rod.h[:, None] * rod.mesh.element.points
@@ -85,8 +85,8 @@ def _problem(rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Motion, np.ndarray
     return moved, H, np.concatenate([clamps, moved.starts[-1], rows])
 
 
-def _contacts(rod: Rod, moved: Motion) -> Held:
-    """What contacts that press hold, in the rod's unknowns: they go on pressing, and what sticks sticks."""
+def _contacts(rod: Rod, moved: Motion) -> Support:
+    """The support by loaded contacts, in the rod's unknowns: they stay loaded, and sticking ones stick."""
     size = moved.starts.shape[2]
     if isinstance(rod, TouchingRod) and rod.count:
         return _active_set(rod, moved)
@@ -95,11 +95,11 @@ def _contacts(rod: Rod, moved: Motion) -> Held:
     return np.zeros((0, size)), np.zeros((size, size))
 
 
-def _grid(rod: NodalRod, moved: Motion) -> Held:
-    """Of contacts at fixed material points.
+def _grid(rod: NodalRod, moved: Motion) -> Support:
+    """The support by contacts at fixed material points.
 
-    One or two side by side stand for a point of contact between them, which slides along the cable to the
-    gap's minimum. Held both, two would hold the slope, too.
+    One contact, or two neighbours, are one contact point between them, which moves along the cable to the
+    gap's minimum. Two separate constraints would fix the slope as well.
     """
     boundaries, obstacles, springs = rod.contact_stiffness()
     values, axes = np.linalg.eigh(springs)
@@ -130,7 +130,7 @@ def _grid(rod: NodalRod, moved: Motion) -> Held:
 
 
 def _runs(at: np.ndarray) -> list[np.ndarray]:
-    """The runs of consecutive numbers in `at` (k,), which rise."""
+    """The runs of consecutive numbers in `at` (k,), which is sorted."""
     return [run for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if len(run)]
 
 
@@ -149,8 +149,8 @@ def _slope(rod: NodalRod, moved: Motion, k: int, o: int) -> tuple[np.ndarray, fl
     return row, float(n @ turned + along @ t)
 
 
-def _active_set(rod: TouchingRod, moved: Motion) -> Held:
-    """Of contact points: the rows of `assembly.system` beside the end position's, and those of stick."""
+def _active_set(rod: TouchingRod, moved: Motion) -> Support:
+    """The support by contact points: `assembly.assemble_kkt` without the end position, and stick."""
     size = moved.starts.shape[2]
     V, delta = rod.V[3 : rod.rows], rod.delta[3 : rod.rows]
     soft = np.abs(delta) > 1.0 / RIGID

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A cold start by continuation in the cable's length: short at first, then paid out between its clamps.
 
-A cable that is hardly longer than the way between its clamps touches little, and a search finds it. As it is
-paid out it leans on what is there as a real one does, and never comes through a thin wall, as a descent from
-a shape that is partly inside one may.
+A cable hardly longer than the shortest path between its clamps touches little, and a search finds it. As it
+is paid out it comes to lie on the obstacles like a real one. It never passes through a thin wall, as a
+descent from a shape partly inside the wall may.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from cable_ros.branch import handover
 from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Sought, Starts, refine
-from cable_ros.branch.continuation import End, walk
+from cable_ros.branch.continuation import End, continue_branch
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import FRICTIONLESS
 from cable_ros.contact.nodal_rod import NodalRod
@@ -23,22 +23,22 @@ from cable_ros.contact.travel import CONTACT_STEP
 from cable_ros.rod.kirchhoff import Rod
 
 SLACK = (1.05, 1.15)
-"""Lengths of the short cable in turn, over that of the shortest way past the obstacles."""
+"""Lengths of the short cable, tried in turn, over that of the shortest path past the obstacles."""
 LENGTHS = (slice(CENTRE, AXES), slice(DIMENSIONS, FRICTION_COEFFICIENT))
-"""Columns of an obstacle that are lengths."""
+"""Columns of an obstacle whose unit is a length."""
 LOOSE = 1e-2
-"""Tolerance on the way: only its end is refined."""
+"""Tolerance along the path: only its end is refined."""
 PIECE = 50_000.0
 """Budget of a piece, iterations times unknowns."""
 STEP = 0.1
-"""First step, part of the way."""
+"""First and longest step, as a fraction of the path."""
 
 
 class PayingOut:
-    """Equilibria of one pose from short cables paid out, one after the other.
+    """Equilibria of one pose by paying out short cables, one after the other.
 
-    Lengths are in units of the cable's own, so that it is the clamps and the obstacles that come nearer. Load
-    per length and natural curvature stay what they are for the whole cable: only the end of the way counts.
+    Lengths are in units of the cable's present length, so that clamps and obstacles seem to come nearer.
+    Load per length and natural curvature are those of the whole cable: only the end of the path counts.
 
     Args:
         sought: the pose; without obstacles there is nothing to try.
@@ -48,17 +48,17 @@ class PayingOut:
         self._sought = sought
         self._left = list(SLACK) if sought.conditions.obstacles is not None else []
         self._led: tuple[Rod, np.ndarray, np.ndarray, float] | None = None
-        """A rod that is being paid out: its shape, end force and length, parts of the whole."""
+        """A rod that is being paid out: its shape, end force, and length as a fraction of the whole."""
 
     @property
     def over(self) -> bool:
-        """Whether all has been tried."""
+        """Whether all lengths have been tried."""
         return self._led is None and not self._left
 
     def settle(self) -> tuple[Found | None, float]:
-        """Begin with the next short cable, or pay one out a piece farther.
+        """Search for the next short cable, or pay the present one out by a piece.
 
-        Returns the equilibrium of the whole cable, or None, and the work that it took.
+        Returns the equilibrium of the whole cable, or None, and the work.
         """
         if self._led is None:
             return None, self._begin(self._left.pop(0))
@@ -69,9 +69,9 @@ class PayingOut:
             there = _shortened(self._sought.conditions, length + t * (1.0 - length))
             return there if rod.qe @ there.qe > 0.0 else replace(there, qe=-there.qe)
 
-        carrier = None if isinstance(rod, NodalRod) else handover.nodal
+        fallback = None if isinstance(rod, NodalRod) else handover.nodal
         rod.work = PIECE
-        led = walk(rod, q, F, path, 1e-3 * LOOSE, STEP, STEP, carrier, CONTACT_STEP)
+        led = continue_branch(rod, q, F, path, 1e-3 * LOOSE, STEP, STEP, fallback, CONTACT_STEP)
         work = PIECE - led.rod.work
         if led.end is End.ARRIVED:
             found, more = self._whole(led.rod, led.q, led.F)
@@ -81,7 +81,7 @@ class PayingOut:
         return None, work
 
     def _begin(self, slack: float) -> float:
-        """Search for a short cable; returns the work that it took."""
+        """Search for a short cable; returns the work."""
         whole = self._sought.conditions
         assert whole.obstacles is not None
         strings = taut_strings(whole.re, whole.obstacles, 1.0)
@@ -99,7 +99,7 @@ class PayingOut:
         return work
 
     def _whole(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Found | None, float]:
-        """The equilibrium to the tolerance beside that of the whole cable, and the work that it took."""
+        """The equilibrium (q, F) of the whole cable, solved to the tolerance, or None; and the work."""
         if isinstance(rod, NodalRod):
             rod.work = LIMIT
             return handover.exact(rod, self._sought.tolerance, FRICTIONLESS), LIMIT - rod.work
@@ -113,7 +113,7 @@ class PayingOut:
 
 
 def _shortened(whole: Conditions, length: float) -> Conditions:
-    """The pose as a cable of that length sees it, parts of the whole."""
+    """The pose in units of a shorter cable; `length` is a fraction of the whole."""
     assert whole.obstacles is not None
     obstacles = whole.obstacles.copy()
     for columns in LENGTHS:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The same cable with other properties: its equilibrium followed from the old ones to the new ones."""
+"""Continuation of an equilibrium in the cable's properties, from the old ones to the new ones."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import Rod
 
 LARGEST = 0.3
-"""Largest change of a stiffness's logarithm in one step."""
+"""Maximum change of a stiffness's logarithm in one step."""
 SMALLEST = 1e-3
-"""Smallest part of the change in one step before it counts as barred."""
+"""Minimum step, as a fraction of the change; if it fails, the branch ends."""
 
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """What a rod is made of and carries, in the cable's units and the start clamp's frame."""
+    """Properties and load of a rod, in the cable's units and the start clamp's frame."""
 
     stiffness: np.ndarray
-    """(3,)"""
+    """(3,) of bending and torsion."""
     natural: np.ndarray
-    """(3,)"""
+    """(3,) curvature and twist of the unloaded cable."""
     load: np.ndarray
-    """(3,)"""
+    """(3,) per length."""
     compliance: np.ndarray | None = None
-    """(3,) None: inextensible and unshearable."""
+    """(3,) of shear and axial strain; None: inextensible and unshearable."""
 
 
 def between(a: Section, b: Section, t: float) -> Section:
-    """Part of the way from a to b, 0 <= t <= 1; stiffness by ratios, all else by differences."""
+    """Interpolate from a to b, 0 <= t <= 1: stiffness geometrically, all else linearly."""
     return Section(
         a.stiffness ** (1.0 - t) * b.stiffness**t if t < 1.0 else b.stiffness,
         (1.0 - t) * a.natural + t * b.natural,
@@ -45,8 +45,8 @@ def _soft(section: Section) -> np.ndarray:
     return np.zeros(3) if section.compliance is None else section.compliance
 
 
-def made_of(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
-    """A rod on the same mesh between the same clamps, made of the section; `scale` as in `follow`."""
+def with_section(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
+    """A rod with the section, on the same mesh between the same clamps; `scale` as in `follow`."""
     if section.compliance is not None and section.compliance.any():
         new: Rod = StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
     elif isinstance(rod, StretchingRod):
@@ -60,9 +60,9 @@ def made_of(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
 def follow(
     rod: Rod, q: np.ndarray, F: np.ndarray, target: Section, scale: float, tolerance: float
 ) -> tuple[Rod, np.ndarray, np.ndarray] | None:
-    """The equilibrium (q, F) of a rod, followed to the target at fixed clamps; None where its branch ends.
+    """Continue the equilibrium (q, F) of a rod to the target at fixed clamps; None if the branch ends before.
 
-    `scale` is the new unit of force over the old one. The rod itself is left as it is.
+    `scale` is the new unit of force over the old one. The rod itself does not change.
     """
     soft = rod.compliance * scale if isinstance(rod, StretchingRod) else None
     before = Section(rod.K / scale, rod.natural, rod.f / scale, soft)
@@ -73,7 +73,7 @@ def follow(
     while at < 1.0:
         to = min(1.0, at + step)
         here, there = between(before, target, at), between(before, target, to)
-        new = made_of(last, there)
+        new = with_section(last, there)
         new.set_conditions(rod.qe, rod.re, here.load, rod.obstacles)
         if new.refactor(q, F):
             code, iterations, q_new, F_new = new.advance(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is read off a rod at an equilibrium, in SI units and in the world."""
+"""Results of a rod at an equilibrium, in SI units and in the world."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from cable_ros.rod.units import Units
 
 
 def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarray]:
-    """(6,), (6,): what the cable exerts at its end and start, N and N m, in the clamps' frames.
+    """(6,), (6,): wrenches of the cable on its end and start clamps, N and N m, in the clamps' frames.
 
     `rod` is at an equilibrium with the end force F (3,), in units of the cable.
     """
@@ -34,7 +34,7 @@ def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarr
 
 
 class Reader:
-    """Reads wrenches, points and frames of the centreline off rods; keeps the table of the last mesh."""
+    """Computes wrenches, points and frames of rods; keeps the interpolation table of the last mesh."""
 
     def __init__(self) -> None:
         self._known: tuple[Mesh, int, Units, tuple[Any, ...]] | None = None
@@ -73,7 +73,7 @@ class Reader:
 def touching(
     rod: Rod, friction: np.ndarray | None, names: Sequence[str], start: np.ndarray, unit: Units
 ) -> Callable[[], ContactTable] | None:
-    """What reads the contacts off once it is called; from copies, since the rod moves on. None: no contact.
+    """A function that returns the contacts when called; from copies, since the rod changes. None: no contact.
 
     Args:
         friction: (obstacles,) coefficients; None: no obstacles.
@@ -91,9 +91,9 @@ def touching(
 
 
 class Tangent:
-    """The linearised equations about an equilibrium; from a copy of the rod, which moves on.
+    """The linearised equations about an equilibrium; from a copy of the rod, since the rod changes.
 
-    Implements `equilibrium.Linearised`. Cheap until it is asked.
+    Implements `equilibrium.Linearised`. It costs little until it is used.
     """
 
     __slots__ = ("_F", "_conditions", "_density", "_names", "_q", "_snapshot", "_start", "_unit")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cold start in pieces, so that a call's work has a bound and the next one goes on."""
+"""A cold start in pieces: the work of one call is bounded, and the next call continues."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from cable_ros.equilibrium import Status
 from cable_ros.rod.initial_shapes import side
 
 EQUAL = 1e-11
-"""Relative difference of two energies that is rounding: a whisper of weight is more, and chooses a side."""
+"""Maximum relative difference of two equal energies: rounding. Even a tiny weight makes more, and decides."""
 TWINS = 1e-6
-"""Relative difference of energy below which equilibria are told to be of equal energy."""
-PLACES = np.linspace(0.0, 1.0, 65)
-"""Where shapes are compared."""
+"""Maximum relative difference of energy of equilibria that a message calls equal in energy."""
+GRID = np.linspace(0.0, 1.0, 65)
+"""Arc lengths at which shapes are compared."""
 
 
 class Search:
     """Looks for the equilibrium of one pose that is nearest the twist asked for, or of least energy.
 
-    In turn: descents from start shapes (`Starts`), the same on finer meshes (`refine`) until one meets the
-    tolerance, and if none does, short cables that are paid out (`PayingOut`) and shapes that come to rest on
-    a grid of contacts (`handover.Rest`).
+    In turn: energy descents from initial shapes (`Starts`); the equilibria found, on finer meshes (`refine`),
+    until one meets the tolerance; and if none does, continuation in the cable's length (`PayingOut`) and
+    relaxation on a grid of contacts (`handover.Rest`).
 
     Args:
         sought: the pose and what is asked for there.
@@ -42,9 +42,9 @@ class Search:
         self._origin: Found | None = None
 
     def go(self, work: float) -> float:
-        """Search until that much work, iterations times unknowns, is done; returns what is left of it.
+        """Search until `work`, iterations times unknowns, is spent or the search is `over`; returns the rest.
 
-        A piece that has begun is finished: what is left may be negative. See `over`.
+        A piece that has begun is finished, so that the rest may be negative.
         """
         while work > 0.0 and not self.over:
             work -= self._piece()
@@ -52,7 +52,7 @@ class Search:
 
     @property
     def over(self) -> bool:
-        """Whether it is found, or all has been tried."""
+        """Whether an equilibrium meets the tolerance, or everything has been tried."""
         if not self._starts.over or self._coarse is None:
             return False
         tried = self._refined == len(self._coarse) and all(one.over for one in self._last)
@@ -60,12 +60,12 @@ class Search:
 
     @property
     def found(self) -> Found | None:
-        """The best equilibrium; None without one."""
+        """The equilibrium of least estimated error; None if there is none."""
         return self._best if self._estimate < np.inf else None
 
     @property
     def sentence(self) -> str:
-        """What a result says of `found`: also whether there are others of the same energy."""
+        """The message of `found`; it says whether others have the same energy."""
         assert self._coarse is not None
         assert self._origin is not None
         energy = self._origin.energy
@@ -74,15 +74,15 @@ class Search:
         sentence = Status.CONVERGED.sentence
         if twins < 2:
             return sentence
-        rule = "this side, towards (-1, 3, 2) of the start clamp's axes, is a rule's choice"
+        rule = "a rule chooses the side towards (-1, 3, 2) of the start clamp's axes"
         return f"{sentence[:-1]}, one of {twins} of equal energy: {rule}."
 
     def _piece(self) -> float:
-        """Do the next piece; returns its work."""
+        """Do the next piece of the search; returns its work."""
         if not self._starts.over:
             return self._starts.descend()
         if self._coarse is None:
-            self._coarse = _in_turn(self._starts.found, self.sought.hint)
+            self._coarse = _in_turn(self._starts.found, self.sought.target_twist)
             return 0.0
         if self._refined < len(self._coarse):
             return self._refine(self._coarse[self._refined])
@@ -100,17 +100,17 @@ class Search:
         return (fine.iterations - one.iterations) * fine.rod.iteration_work
 
 
-def _in_turn(found: list[Found], hint: float | None) -> list[Found]:
-    """Those nearest to the hint first, or of least energy; of equal ones the one on a rule's side."""
+def _in_turn(found: list[Found], target_twist: float | None) -> list[Found]:
+    """Sorted by distance from the target twist, or by energy; of equals, the one on the chosen side first."""
     found = sorted(found, key=lambda one: one.energy)
-    if hint is not None:
-        found.sort(key=lambda one: abs(one.twist - hint))
-    centre = hint or 0.0
+    if target_twist is not None:
+        found.sort(key=lambda one: abs(one.twist - target_twist))
+    centre = target_twist or 0.0
 
     def alike(one: Found) -> bool:
         energy = abs(one.energy - found[0].energy) <= EQUAL * (1.0 + abs(found[0].energy))
         return energy and abs(abs(one.twist - centre) - abs(found[0].twist - centre)) <= 1e-3
 
     first = [one for one in found if alike(one)]
-    first.sort(key=lambda one: -side(one.rod.mesh.interpolate(one.q, PLACES), PLACES))
+    first.sort(key=lambda one: -side(one.rod.mesh.interpolate(one.q, GRID), GRID))
     return first + [one for one in found if not alike(one)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One cable at an equilibrium that a search finds, piece by piece, as far as the work of a call goes."""
+"""One cable at an equilibrium that a search finds, piece by piece within the budget of each call."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 @dataclass(frozen=True, eq=False)
 class Pending:
-    """A search that is not over."""
+    """An unfinished search."""
 
     search: Search
     joints: np.ndarray
-    """(n,) joint values for which it is."""
+    """(n,) joint values of its pose."""
     poses: np.ndarray
-    """(2, 7) of the clamps there."""
-    told: str
-    """How the branch was lost, if there was one."""
+    """(2, 7) of the clamps."""
+    loss_cause: str
+    """How the branch was lost, a clause; empty: it was not."""
 
 
 class SearchedEquilibrium(TrackedEquilibrium):
-    """A cable with its last equilibrium and the search for another, if one is not over."""
+    """A cable with its last equilibrium and the search for another, while there is one."""
 
     _pending: Pending | None = None
     _budget = 0.0
@@ -46,12 +46,12 @@ class SearchedEquilibrium(TrackedEquilibrium):
         self._pending = None
 
     def _cold(
-        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float, hint: float | None,
-        told: str = "",
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float,
+        target_twist: float | None, loss_cause: str = "",
     ) -> Equilibrium:  # fmt: skip
-        """Search the pose for stable equilibria: take the one nearest the hint, or of least energy.
+        """Search the pose for stable equilibria: take the one nearest the target twist, or of least energy.
 
-        `told`: how the branch was lost, if there was one.
+        `loss_cause`: how the branch was lost, a clause; empty: it was not.
         """
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         chord = float(np.linalg.norm(conditions.re))
@@ -67,13 +67,15 @@ class SearchedEquilibrium(TrackedEquilibrium):
                     " its tension has no bound."
                 )
             return self.failed(Status.OUT_OF_REACH, message, time.perf_counter() - begin)
-        if barred := self._no_way(conditions):
-            return self.failed(Status.OUT_OF_REACH, barred, time.perf_counter() - begin)
-        sought = Sought(self._stiffness, self._natural, conditions, hint, self.tolerance, self._compliance)
-        return self._search(Pending(Search(sought), joints, poses, told), begin)
+        if obstruction := self._obstruction(conditions):
+            return self.failed(Status.OUT_OF_REACH, obstruction, time.perf_counter() - begin)
+        sought = Sought(
+            self._stiffness, self._natural, conditions, target_twist, self.tolerance, self._compliance
+        )
+        return self._search(Pending(Search(sought), joints, poses, loss_cause), begin)
 
     def _search(self, pending: Pending, begin: float) -> Equilibrium:
-        """Go on with a search: its result, `UNFINISHED` while it is not over."""
+        """Continue a search; returns its result, `UNFINISHED` until it is over."""
         search = pending.search
         if self._obstacles is None:
             search.go(FREE_COLD_WORK)
@@ -86,18 +88,20 @@ class SearchedEquilibrium(TrackedEquilibrium):
         found = search.found
         if found is None:
             return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
-        if pending.told:
-            waiting, hint = self._standing.waiting, search.sought.hint
-            twist = "" if hint is None else f", total twist {hint:.3f} -> {found.twist:.3f} rad"
-            self._lose(pending.told + twist)
+        if pending.loss_cause:
+            waiting, target_twist = self._standing.waiting, search.sought.target_twist
+            twist = (
+                "" if target_twist is None else f", total twist {target_twist:.3f} -> {found.twist:.3f} rad"
+            )
+            self._lose(pending.loss_cause + twist)
             self._standing = replace(self._standing, waiting=waiting)
         self._memory = None
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
 
     def _resume(self, joints: np.ndarray, begin: float) -> Equilibrium | None:
-        """Go on with the search that is pending; None if the cable can be followed on to `joints`."""
-        self._budget = max(self._budget, 1.0)  # some piece of it is done in any case
+        """Continue the pending search; None if the cable can be tracked from its result to `joints`."""
+        self._budget = max(self._budget, 1.0)  # one piece is always done
         pending = self._pending
         assert pending is not None
         if pending.search.sought.tolerance != self.tolerance:
@@ -109,11 +113,11 @@ class SearchedEquilibrium(TrackedEquilibrium):
             if not there or self._standing.waiting:
                 self._standing = self._standing.asked(pending.joints, joints)
             return found
-        led_on = self._model == COULOMB and bool(self._standing.waiting)
-        return found if there and not led_on else None
+        more_poses = self._model == COULOMB and bool(self._standing.waiting)
+        return found if there and not more_poses else None
 
     def branches(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:
-        """The stable equilibria of a wide search at a pose, by rising energy; the last is followed on."""
+        """The stable equilibria that a wide search finds, by rising energy; the last one is then tracked."""
         begin = time.perf_counter()
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
@@ -122,9 +126,15 @@ class SearchedEquilibrium(TrackedEquilibrium):
             return out
         found: list[Found] = []
         for turns in (-1, 0, 1):
-            hint = (self._hint or 0.0) + 2.0 * np.pi * turns
+            target_twist = (self._target_twist or 0.0) + 2.0 * np.pi * turns
             for one in equilibria(
-                self._stiffness, self._natural, conditions, hint, self.tolerance, True, self._compliance
+                self._stiffness,
+                self._natural,
+                conditions,
+                target_twist,
+                self.tolerance,
+                True,
+                self._compliance,
             ):
                 fine, estimate = refine(one, self.tolerance)
                 if estimate <= self.tolerance and not any(same(fine, other) for other in found):

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The equilibrium that one cable stands at: what is known of it, and the result that tells it."""
+"""The present equilibrium of one cable: its state, its checks, and the result that publishes it."""
 
 from __future__ import annotations
 
 import time
-log=[]
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -19,7 +18,7 @@ from cable_ros.branch.cold_start import (
     Found,
     refine,
 )
-from cable_ros.branch.continuation import FREE_TO_TURN, Fall
+from cable_ros.branch.continuation import FREE_TO_TURN, SnapThrough
 from cable_ros.branch.extremes import Obstacles, extremes
 from cable_ros.branch.standing import Loss, Memory, Standing, alone, motion
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, placed
@@ -38,18 +37,18 @@ from cable_ros.scene import Cable
 from cable_ros.scene.cable_limits import CableLimits
 
 GRID = 0.05
-"""Largest estimated error that a grid of contacts may have where friction counts; see `NodalRod`."""
-COARSE = "Contact was followed on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
-ON_GRID = "; contact was followed on a grid, to an estimated error of the end wrench of {:.1e}."
+"""Maximum estimated error of an equilibrium with friction on a grid of contacts; see `NodalRod`."""
+COARSE = "Contact was solved on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
+ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
 SINKS = "The cable still penetrates an obstacle between contact points."
 LONGEST_STAY = 63
-"""Most poses that a cable stays on its grid of contacts before it is taken off it again."""
-FREE = "Converged to one of many equilibria that turn freely into each other, none more stable than the next."
-"""What a result says whose stability margin is 0."""
+"""Maximum number of poses that a cable stays on its grid of contacts before it is solved without again."""
+FREE = "Converged to one of a continuous family of equilibria: the cable turns freely from one to the next."
+"""The message of a result whose stability margin is 0."""
 
 
 class TrackedEquilibrium(CableModel):
-    """A cable with its last equilibrium and how that was come by."""
+    """A cable with its last equilibrium, and whether its branch is known."""
 
     def __init__(
         self, cable: Cable, properties: Properties, tolerance: float, polyline_points: int,
@@ -69,7 +68,7 @@ class TrackedEquilibrium(CableModel):
         self._joints = np.empty(0)
         self._twist: float | None = None
         self._standing = Standing()
-        self._passing = False  # whether the pose is one that waited, on the way to another
+        self._passing = False  # whether the pose is a waiting one that the path passes through
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
         self._apart = np.inf
@@ -78,34 +77,34 @@ class TrackedEquilibrium(CableModel):
 
     @property
     def lost(self) -> str:
-        """What happened to the branch; empty while it is known."""
+        """Why the branch was lost, a clause; empty while it is known."""
         loss = self._standing.loss
-        return "" if loss is None else loss.told
+        return "" if loss is None else loss.cause
 
-    def distrust(self, told: str) -> None:
-        """Take the branch for lost until it is known again, or `reset`; `told`: what happened, a clause."""
-        self._lose(told)
+    def distrust(self, cause: str) -> None:
+        """Treat the branch as lost until it is known again, or `reset`; `cause`: a clause."""
+        self._lose(cause)
 
-    def _lose(self, told: str) -> None:
-        self._standing = self._standing.lost(told, self._model == COULOMB, self._joints, self._twist)
+    def _lose(self, cause: str) -> None:
+        self._standing = self._standing.lost(cause, self._model == COULOMB, self._joints, self._twist)
         if self._rod is not None:
             self._rod.forgot = False
 
-    def _fell(self, falls: Sequence[Fall]) -> None:
-        """Keep what falls on a walk mean for what is known."""
-        for fall in falls:
-            if fall.touched and self._model == COULOMB:
-                self._lose("it fell with contacts whose friction was forgotten")
-            elif fall.jumped and not fall.folded:
-                turned = f"total twist {fall.twist_before:.3f} -> {fall.twist_after:.3f} rad"
-                self._lose(f"it fell, {turned}, with a stability margin of {fall.margin:.2g} before")
-            elif fall.jumped:
-                self._standing = self._standing.snapped(fall)
+    def _record_snaps(self, snaps: Sequence[SnapThrough]) -> None:
+        """Update whether the branch is known after snap-throughs."""
+        for snap in snaps:
+            if snap.touched and self._model == COULOMB:
+                self._lose("it snapped, and the friction of its contacts was forgotten")
+            elif snap.jumped and not snap.folded:
+                turned = f"total twist {snap.twist_before:.3f} -> {snap.twist_after:.3f} rad"
+                self._lose(f"it snapped, {turned}, with a stability margin of {snap.margin:.2g} before")
+            elif snap.jumped:
+                self._standing = self._standing.snapped(snap)
 
     def _mend(self, before: Conditions, step: bool, free: Callable[[Loss], float | None]) -> None:
-        """Count the motion since `before` in what must happen before a lost branch is known again.
+        """Add the motion since `before` to the record of a lost branch, which may be known again by it.
 
-        `free` gives the twist here of a cable that touches nothing and was led here from where it was known.
+        `free` gives the twist here of a cable without contact, continued from the last known pose.
         """
         rod, loss = self._rod, self._standing.loss
         assert rod is not None
@@ -132,7 +131,7 @@ class TrackedEquilibrium(CableModel):
         return self._standing.loss is not None or self._memory is not None
 
     def _alone(self, rod: Rod, free: float | None) -> bool:
-        """Whether no other equilibrium is near, and it has as many turns as one of the twist `free`, rad."""
+        """Whether no other equilibrium is near, and its twist is within half a turn of `free`, rad."""
         if free is not None and not abs(float(rod.totals[TWIST]) - free) < np.pi:
             return False
         energy, _, _ = rod.linearize(self._q, self._F)
@@ -143,14 +142,14 @@ class TrackedEquilibrium(CableModel):
     def _take(self, found: Found, joints: np.ndarray) -> None:
         self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints
         if isinstance(found.rod, TouchingRod) and found.rod.model != self._model:
-            # its factors are those without friction
+            # it is factored without friction
             found.rod.model, found.rod.ready = self._model, False
         self._resolved = self.tolerance
 
     def _finish(
         self, status: Status, message: str, iterations: int, poses: np.ndarray, begin: float
     ) -> Equilibrium:
-        """Check the resolution, refine where it has become too coarse, and read off the result."""
+        """Check the discretisation error, refine the mesh if it is too large, and make the result."""
         rod = self._rod
         assert rod is not None
         if isinstance(rod, NodalRod):
@@ -173,11 +172,11 @@ class TrackedEquilibrium(CableModel):
                 self._take(fine, self._joints)
                 rod = fine.rod
                 sinks = rod.unresolved(self._q, LENIENT).any()
-                if (rod.forgot or sinks or self._estimate > self.tolerance) and self._carried(*before):
+                if (rod.forgot or sinks or self._estimate > self.tolerance) and self._onto_grid(*before):
                     return self._finish(status, message, iterations, poses, begin)
                 beside = rod.clamp_errors(self._q, self._F).max()
             self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
-            if self._estimate > self.tolerance and self._carried(rod, self._q, self._F):
+            if self._estimate > self.tolerance and self._onto_grid(rod, self._q, self._F):
                 return self._finish(status, message, iterations, poses, begin)
             if self._estimate > self.tolerance:
                 message = (
@@ -190,7 +189,7 @@ class TrackedEquilibrium(CableModel):
             self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])
         elif self._apart < self._diameter + self._units.length * rod.rotation:
-            # two points can have come so much nearer since that was last looked at
+            # two points can have approached by that much since the last check
             self._apart = self._closest_approach(poses[0])
         error = self._error
         if error > self._limit:
@@ -199,7 +198,7 @@ class TrackedEquilibrium(CableModel):
         if error > self.tolerance and status is Status.CONVERGED:
             message = f"{message[:-1]}{ON_GRID.format(error)}"
         if rod.forgot:
-            self._lose("friction was forgotten in a change of the mesh")
+            self._lose("friction was forgotten when the mesh changed")
         unit, standing = self._units, self._standing
         if self._margin < FREE_TO_TURN and status is Status.CONVERGED:
             message = FREE
@@ -231,20 +230,20 @@ class TrackedEquilibrium(CableModel):
             _touching=results.touching(rod, friction, self._names, start, unit),
         )  # fmt: skip
 
-    def _carried(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
-        """Go on with the equilibrium (q, F), whose friction counts, on a uniform grid; whether that is so."""
+    def _onto_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
+        """Move the frictional equilibrium (q, F) to a uniform grid of contacts; whether that succeeded."""
         if not isinstance(rod, TouchingRod) or rod.model != COULOMB or not rod.count:
             return False
-        carried = handover.nodal(rod, q, F)
-        if carried is not None:
-            self._rod, self._q, self._F = carried, carried.shape, carried.end_force
+        on_grid = handover.nodal(rod, q, F)
+        if on_grid is not None:
+            self._rod, self._q, self._F = on_grid, on_grid.shape, on_grid.end_force
             self._stays = max(self._stays, 1)  # not back at once
-        return carried is not None
+        return on_grid is not None
 
     def _exactly(self, rod: NodalRod) -> Rod:
         """The equilibrium without the grid's error, if one is found beside it; else the rod as it is.
 
-        With friction, this is tried less and less often the sooner the cable came back to its grid.
+        With friction, it is tried less and less often the sooner the cable was on its grid again.
         """
         rubs = self._model == COULOMB and rod.touches
         if rubs and self._stays > 0:
@@ -252,7 +251,6 @@ class TrackedEquilibrium(CableModel):
             return rod
         found = handover.exact(rod, self.tolerance, self._model)
         if rubs and found is not None and handover.apart(rod, found) > self._estimate:
-            log.append(f'refused {handover.apart(rod, found)} {self._estimate}')
             found = None  # its friction is not that of the grid
         if rubs:
             self._stays = self._longer
@@ -262,7 +260,9 @@ class TrackedEquilibrium(CableModel):
         if rubs:
             # where all slips, friction is told by the motion; what sticks has what the grid gave it
             stuck = 0.0 if _slips(found.rod) else rod.unlike
-            error = max(handover.apart(rod, found), stuck, 0.0 if self._memory is None else self._memory.error)
+            error = max(
+                handover.apart(rod, found), stuck, 0.0 if self._memory is None else self._memory.error
+            )
             self._memory = Memory(error)
         self._take(found, self._joints)
         self._estimate = np.inf
@@ -270,11 +270,11 @@ class TrackedEquilibrium(CableModel):
 
     @property
     def _limit(self) -> float:
-        """Largest error on a grid of contacts that is published."""
+        """Maximum error of a published equilibrium on a grid of contacts."""
         return max(self.tolerance, GRID if self._model == COULOMB else 0.0)
 
     def _closest_approach(self, start: np.ndarray) -> float:
-        """How near the cable comes to itself, m; `start` (7,): its start clamp."""
+        """Smallest distance of the cable from itself, m; `start` (7,): its start clamp."""
         if not self._diameter or self._rod is None:
             return np.inf
         return closest_approach(self.outline(start), self._units.length, SPACING * self._diameter)
@@ -287,11 +287,11 @@ class TrackedEquilibrium(CableModel):
     def extremes(
         self, limits: CableLimits, obstacles: np.ndarray, links: np.ndarray, start: np.ndarray
     ) -> Callable[[], tuple[Extreme, ...]]:
-        """What finds `Equilibrium.extremes` of the present equilibrium.
+        """A function that computes `Equilibrium.extremes` of the present equilibrium.
 
         Args:
             limits: of the cable.
-            obstacles: (n, WIDTH) all that the scene has, SI, in the frames of their links.
+            obstacles: (n, WIDTH) of the scene, SI, in the frames of their links.
             links: (n, 7) these links in the world.
             start: (7,) the start clamp in the world.
         """
@@ -310,7 +310,7 @@ class TrackedEquilibrium(CableModel):
         return self._q
 
     def wrenches(self, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
-        """(6,), (6,): what the cable exerts at its end and start at present, SI, in the clamps' frames."""
+        """(6,), (6,): wrenches of the cable on its end and start clamps, SI, in the clamps' frames."""
         return results.wrenches(rod, self._F, self._units)
 
     def failed(self, status: Status, message: str, solve_time: float) -> Equilibrium:
@@ -319,7 +319,7 @@ class TrackedEquilibrium(CableModel):
 
 
 def conditions_of(rod: Rod) -> Conditions:
-    """What the rod is up against at its last equilibrium."""
+    """The conditions of the rod's last equilibrium."""
     return Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
 
 
@@ -328,7 +328,7 @@ def touches(rod: Rod) -> bool:
 
 
 def _slips(rod: Rod) -> bool:
-    """Whether all contacts slip, and are points: where a patch lies is the past's doing even as it slips."""
+    """Whether all contacts are points and slip: where a patch lies depends on the past even as it slips."""
     if not isinstance(rod, TouchingRod):
         return False
     points = rod.points[: rod.count]

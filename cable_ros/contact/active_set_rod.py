@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
-from cable_ros.contact.fixed_set import BorderedRod
+from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.meshing import fitted, layered
 from cable_ros.contact.newton import active_set_newton
@@ -32,14 +32,14 @@ DENSE = 20.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
 
-class ActiveSetRod(BorderedRod):
+class ActiveSetRod(FixedSetRod):
     """A rod whose contact points belong to its last equilibrium: `step_in_contact` changes them, together
     with the lengths of the elements, and puts them back if it fails.
     """
 
     @property
-    def rubs(self) -> bool:  # type: ignore[override]
-        """Whether it touches something that rubs."""
+    def frictional(self) -> bool:  # type: ignore[override]
+        """Whether it touches something with friction."""
         return self.model != FRICTIONLESS and self.count > 0
 
     @property
@@ -157,7 +157,7 @@ class ActiveSetRod(BorderedRod):
         if self.ready and self.model != FRICTIONLESS and turned == 0.0:
             # with friction as it is; the iteration's own factors say nothing about stability, but they
             # predict the next step
-            code = warm_step.ADVANCED if self.border_factor(0.0, 3 + self.count) else warm_step.NOT_CONVEX
+            code = warm_step.ADVANCED if self.kkt_factor(0.0, 3 + self.count) else warm_step.NOT_CONVEX
         if code != warm_step.ADVANCED:
             self.restore(kept, mesh)
             self.direction = direction

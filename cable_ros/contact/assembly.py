@@ -231,7 +231,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
     q, _, (h, s0, tables) = shape
     points, gaps, normals = contacts
     V, W, delta, lines, upto = rows
-    geometric, parts, C = tangents.geometric, tangents.parts, tangents.C
+    geometric, dchord, C = tangents.geometric, tangents.dchord, tangents.C
     N, primitives = tables.values, tables.primitives
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
@@ -283,7 +283,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
         for k in range(e):
             for a in range(3):
                 for j in range(nd):
-                    by_position[a, 3 * k * order + j] += parts[k, a, j]
+                    by_position[a, 3 * k * order + j] += dchord[k, a, j]
         for a in range(3):
             for j in range(nd):
                 by_position[a, 3 * first + j] += own[a, j]
@@ -353,7 +353,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
 
 @njit(**LEAF)
 def stick_constraints(points, i, misfits, lines, gaps):
-    """Misfit of the spring of point i, if it sticks, along the directions of its two constraint rows.
+    """Residuals of the two stick rows of point i, if it sticks: its `misfits` along the rows' directions.
 
     Args:
         points, gaps: of `ContactSet`.

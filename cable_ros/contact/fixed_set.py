@@ -57,7 +57,7 @@ RELEASED = 1e30
 """Compliance of a constraint row, L^3 / EI, that holds nothing."""
 
 
-class BorderedRod(Rod):
+class FixedSetRod(Rod):
     """A `Rod` with contact points, which `TouchingRod` finds: while there are none it is one, bit for bit.
 
     Args:
@@ -196,7 +196,7 @@ class BorderedRod(Rod):
         return bool(dips(self.shape(q), self.samples, obstacles, self.phi, self.depth))
 
     def finest(self) -> float:
-        """Spacing that measures elements along patches: friction is less smooth than pressure."""
+        """Maximum length, L, of an element along a patch; friction is less smooth than pressure."""
         return FRICTION_SHORTENS * self.spacing if self.model == COULOMB else self.spacing
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
@@ -229,24 +229,24 @@ class BorderedRod(Rod):
         self._normal = self.settled = None
         self.rows = self.assemble(q, F, FRICTIONLESS)
         self.rotation, self.ready = 0.0, self.model == FRICTIONLESS
-        return self.border_factor(0.0, 3 + self.count)
+        return self.kkt_factor(0.0, 3 + self.count)
 
-    def border_factor(self, mu: float, equalities: int) -> bool:
+    def kkt_factor(self, mu: float, equalities: int) -> bool:
         """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
         self.judged = True
         system = *self.saddle[:2], self._factors(self.complement)
-        return bool(entry_points.border_factor(mu, system, self.V, self.delta, self.rows, equalities))
+        return bool(entry_points.kkt_factor(mu, system, self.V, self.delta, self.rows, equalities))
 
     def _judge(self) -> None:
         """Compute factors for stability and error estimates: those of the iteration with friction are not."""
         if not self.judged:
-            self.border_factor(0.0, 3 + self.count)
+            self.kkt_factor(0.0, 3 + self.count)
 
-    def border_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `bordered.border_step`."""
+    def kkt_step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `bordered.kkt_step`."""
         s, y = np.empty(gradient.shape[0]), np.empty(self.rows)
         order, factors = self.mesh.element.order, self._factors(self.complement)
-        entry_points.border_step(gradient, constraints, self.V, self.rows, order, factors, s, y)
+        entry_points.kkt_step(gradient, constraints, self.V, self.rows, order, factors, s, y)
         return s, y
 
     # what an equilibrium says
@@ -283,6 +283,7 @@ class BorderedRod(Rod):
         return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving)
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """As `Rod.wrench_error`, with the contact forces as loads and the constraint rows of the contacts."""
         if not self.count:
             return super().wrench_error(q, F)
         self._judge()
@@ -291,7 +292,7 @@ class BorderedRod(Rod):
         nodal(q, self.acc, residual)
         self.trace(q)
         boundaries = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
-        # what sticks does so where this mesh has put it: the force stays, no row holds the position
+        # where a sticking point sits depends on this mesh: its force is a given load, its rows are released
         sticks, slips = self.points[: self.count, [STICK_ROW, SLIP_ROW]].astype(int).T
         sticks, slips = sticks[sticks > 0], slips[slips > 0]
         friction = np.concatenate([sticks, 1 + sticks, slips])

@@ -35,7 +35,9 @@ class Friction(NamedTuple):
     def of(rod: NodalRod) -> Friction:
         places, _, normals, forces, obstacles, sliding, _ = rod.contacts()
         normal = np.einsum("ca,ca->c", forces, normals)
-        return Friction(1.0 / rod.cells, places, obstacles, normal, forces - normal[:, None] * normals, sliding)
+        return Friction(
+            1.0 / rod.cells, places, obstacles, normal, forces - normal[:, None] * normals, sliding
+        )
 
     def give(self, rod: ActiveSetRod) -> None:
         """Give it to the contact points of `rod`: the same part of their normal forces as on the grid there.

@@ -30,7 +30,9 @@ SHORTEST = 1e-3
 
 @njit(**LEAF)
 def gap_at(shape, s, obstacle, at):
-    """Gap at arc length s, its first and second derivative by s.
+    """Gap g at arc length s, and g' = n.t, g'' = n.t' + sum_i bends_i (d_i.t)^2.
+
+    Here n is the obstacle's normal, d_i and bends_i are its principal directions and curvatures there.
 
     Args:
         shape: `Shape`.

@@ -16,11 +16,11 @@ from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
 from cable_ros.contact.points import BEFORE, FORCE, FRICTION, KIND, POINT, SAMPLE, SLOPE_ROW, STICK_ROW
 from cable_ros.linalg import banded
 from cable_ros.linalg.bordered import (
-    border_factor,
-    border_solve,
     complement,
     complement_factors,
     end_coupling,
+    kkt_factor,
+    kkt_solve,
 )
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
@@ -42,7 +42,7 @@ MOST_IN_ALL = 250
 
 @njit(**OPTIONS)
 def skew_factor(kkt, count, order):
-    """`border_factor` where multipliers act along W, constraints read V; says nothing about stability.
+    """`kkt_factor` where multipliers act along W, constraints read V; says nothing about stability.
 
     Args:
         kkt: `KKT`, whose factors are overwritten.
@@ -156,7 +156,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 total_rows, holds, fresh, rotation = new_rows, True, True, 0.0
                 steady = same or model != COULOMB
             if full and same:
-                convex = border_factor(tangents, 0.0, order, factors, V, rows.delta, total_rows, 3 + count)
+                convex = kkt_factor(tangents, 0.0, order, factors, V, rows.delta, total_rows, 3 + count)
             elif full:
                 skew_factor(kkt, total_rows, order)
             if full or swaps.shape[0] != total_rows:
@@ -168,7 +168,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 b[i] = gaps[i - 3]
             if tangent:
                 end_coupling(tangents, V, total_rows, theta, gv, b)
-            border_solve(gv, b, V, order, factors, small, swaps, s, y)
+            kkt_solve(gv, b, V, order, factors, small, swaps, s, y)
             if tangent:
                 for k in range(3):
                     s[n - 3 + k] = theta[k]

@@ -41,8 +41,8 @@ def cells(count: int) -> Mesh:
     return Mesh(reference_element(ORDER), lengths)
 
 
-def places_for(force: float) -> int:
-    """Number of points for a cable whose internal force, EI / L^2, is at most `force`."""
+def point_count(force: float) -> int:
+    """Number of contact points for a cable whose internal force, EI / L^2, is at most `force`."""
     return int(np.clip(32 * np.ceil(LAYER / 32 * np.sqrt(force)), FEWEST, MOST))
 
 
@@ -68,15 +68,15 @@ class NodalContacts(Rod):
     Args:
         stiffness, natural: as in `Rod`.
         obstacles: (o, WIDTH) that it may touch.
-        places: number of points at which it may touch, each in the middle of a cell; see `places_for`.
+        points: number of contact points, each in the middle of a cell; see `point_count`.
         coulomb: whether there is friction.
     """
 
     def __init__(
         self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
-        places: int = FEWEST, coulomb: bool = True,
+        points: int = FEWEST, coulomb: bool = True,
     ) -> None:  # fmt: skip
-        self.cells = places
+        self.cells = points
         super().__init__(cells(self.cells), stiffness, natural)
         self.coulomb = coulomb
         elements, count = len(self.h), len(obstacles)
@@ -166,8 +166,8 @@ class NodalContacts(Rod):
                 for k in range(3)]  # fmt: skip
         spread = np.where(runs[0] | runs[1] | runs[2], 1.0 / self.cells, 0.0)[at]
         normals, forces = self._pressed()
-        places = np.append(self.s0, 1.0)[at[0]]
-        return places, self.state.r[at[0]], normals[at], forces[at], at[1], self.sliding()[at], spread
+        arc_lengths = np.append(self.s0, 1.0)[at[0]]
+        return arc_lengths, self.state.r[at[0]], normals[at], forces[at], at[1], self.sliding()[at], spread
 
     def _weigh(self) -> None:
         """Add the weight's potential energy to the elastic one, which is all that `residuals` counts."""
@@ -210,7 +210,7 @@ class NodalContacts(Rod):
     # what an equilibrium says
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Energy at the last equilibrium, which (x, y) must be, and that all residuals vanish."""
+        """As `solve.trust_region.Problem.linearize`, at the last equilibrium only: all residuals are zero."""
         return float(self.totals[ENERGY]), np.zeros(3), np.zeros(self.g.size)
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:

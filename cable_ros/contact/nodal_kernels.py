@@ -2,7 +2,7 @@
 """Compiled: equilibrium, contact and Coulomb friction of a rod whose contacts sit at fixed material points.
 
 The rod of `rod.energy_kernels` in a mixed formulation: positions and internal forces are unknowns beside the
-frames. All unknowns of a place of the cable stand together, and the tangent is banded:
+frames. All unknowns of one arc length stand together, and the tangent is banded:
 
     g(q, F) = 0                               moments, the gradient of the Lagrangian by the frames
     F[k - 1] - F[k] - P[k] - f c = 0          forces at the boundary k of two elements, the middle of a cell c

@@ -111,10 +111,10 @@ def wrench_response(
     hessian = tangents.elastic, tangents.geometric
     out = np.empty((motions, motions))
     out[0:3] = -dF[0]
-    out[3:6] = columns(*hessian, 0, 3).T @ psi - tangents.parts[0, :, :3].T @ dF[0]
+    out[3:6] = columns(*hessian, 0, 3).T @ psi - tangents.dchord[0, :, :3].T @ dF[0]
     # components along axes that turn with the clamp; the gradient's half turn is the chart's
     out[6:9] = turn.T @ dF[1] + cross_matrix(turn.T @ state.F[-1]) @ end_turn
-    out[9:12] = columns(*hessian, n - 3, 3).T @ psi - tangents.parts[-1, :, -3:].T @ dF[1]
+    out[9:12] = columns(*hessian, n - 3, 3).T @ psi - tangents.dchord[-1, :, -3:].T @ dF[1]
     out[9:12] += 0.5 * cross_matrix(work.evaluation.g[-1]) @ end_turn
     for i, which in enumerate(moving):
         on, first = o == which, 12 + 6 * i

@@ -30,7 +30,7 @@ TWIN = 0.75
 STEP = 0.5 * FRICTION_STEP
 """Longest step, lengths."""
 SAG = 100.0
-"""Relative error per depth, lengths, by which the cable is inside an obstacle between two places."""
+"""Relative error per depth, L, of the cable inside an obstacle between two contact points."""
 FADING = 0.95
 """Least estimated error, fraction of the last step's: with contacts between the points it may vanish by
 chance."""
@@ -53,7 +53,7 @@ class NodalRod(NodalSolver):
     Args:
         stiffness, natural: as in `Rod`.
         obstacles: (o, WIDTH) that it may touch.
-        places: number of points at which it may touch, each in the middle of a cell; see `places_for`.
+        points: number of contact points, each in the middle of a cell; see `point_count`.
         coulomb: whether there is friction.
     """
 
@@ -62,9 +62,9 @@ class NodalRod(NodalSolver):
 
     def __init__(
         self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
-        places: int = FEWEST, coulomb: bool = True,
+        points: int = FEWEST, coulomb: bool = True,
     ) -> None:  # fmt: skip
-        super().__init__(stiffness, natural, obstacles, places, coulomb)
+        super().__init__(stiffness, natural, obstacles, points, coulomb)
         self.twin: NodalRod | None = None
         self.tried = 0  # trials that found no exact equilibrium beside it, see `handover.exact`
         self.follows = False  # whether it is a twin, which takes the other's steps
@@ -144,7 +144,7 @@ class NodalRod(NodalSolver):
         """Estimate the error of the end wrench from the difference to the twin's.
 
         It is taken to be of order 1.5: the rod and the pressure are of the second, but patches begin and end
-        between places. An obstacle that presses at a single place can be off by half a cell on both grids.
+        between points. An obstacle that presses at a single point can be off by half a cell on both grids.
         """
         mine = np.concatenate((self.state.F[-1], self.g[-1]))
         other = np.concatenate((twin.state.F[-1], twin.g[-1]))
@@ -158,27 +158,28 @@ class NodalRod(NodalSolver):
         self.unlike = max(error, FADING * self.unlike)
         # error by lumping the force of a cell in its middle
         lumped = float(np.linalg.norm(self.state.F[-1])) / (12.0 * self.cells**2)
-        # and so much, at least, do edges cost that it cuts between two places
+        # and at least this error by edges that cut into it between two points
         tangents = quaternion.tangents(self.state.q[::ORDER])
         cut = SAG * deepest(self.state.r, tangents, self.h, self._under)
-        # where it slides between two places the true normal has no part along the cable, as theirs has
+        # between two sliding points the true normal has no component along the cable, but theirs have one
         normals, _ = self._pressed()
-        parts = np.where(self._slips, self.state.lam * np.einsum("ka,koa->ko", tangents, normals), 0.0)
-        along = float(np.linalg.norm(parts.T @ tangents, axis=1).sum())
+        axial = np.where(self._slips, self.state.lam * np.einsum("ka,koa->ko", tangents, normals), 0.0)
+        along = float(np.linalg.norm(axial.T @ tangents, axis=1).sum())
         slope = np.concatenate((mine[:3] * along / max(float(np.linalg.norm(mine[:3])), 1e-300), np.zeros(3)))
         edges = float(relative_change(slope, mine, self.least))
         self._estimate = max(error, before, beside, lumped, cut, edges)
 
     # equilibria of other rods
 
-    def adopt(self, rod: Rod, q: np.ndarray, F: np.ndarray, places: np.ndarray, forces: np.ndarray,
+    def adopt(self, rod: Rod, q: np.ndarray, F: np.ndarray, arc_lengths: np.ndarray, forces: np.ndarray,
               obstacles: np.ndarray, pair: bool = True) -> bool:  # fmt: skip
         """Take over another rod's equilibrium (q, F) with its friction; whether that succeeded.
 
         Args:
             rod: among the same obstacles, see `set_conditions`.
-            places, forces, obstacles: of its contacts: arc lengths (c,), forces on the cable (c, 3) and which
-                obstacles (c,).
+            arc_lengths: (c,) of its contacts.
+            forces: (c, 3) on the cable.
+            obstacles: (c,) which obstacle each contact is with.
             pair: whether to have a twin.
         """
         assert rod.obstacles is not None
@@ -191,12 +192,12 @@ class NodalRod(NodalSolver):
         self._integrate()
         middles = self.s0 + 0.5 * self.h
         for e in range(m):
-            state.F[e] = F + forces[places > middles[e]].sum(axis=0) + rod.f * (m - 1 - e) / self.cells
+            state.F[e] = F + forces[arc_lengths > middles[e]].sum(axis=0) + rod.f * (m - 1 - e) / self.cells
         state.lam[:], state.tau[:] = 0.0, 0.0
         self.obstacles, self._under, self._moved = rod.obstacles, rod.obstacles, False
         self.frames[:] = FIRST
         n, d, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
-        for s, force, o in zip(places, forces, obstacles, strict=True):
+        for s, force, o in zip(arc_lengths, forces, obstacles, strict=True):
             at = np.clip(s * self.cells + 0.5, 1.0, m - 1.0)
             low = min(int(at), m - 2)
             for k, share in ((low, low + 1 - at), (low + 1, at - low)):
@@ -209,7 +210,7 @@ class NodalRod(NodalSolver):
         self.set_conditions(rod.qe, rod.re, rod.f)
         give = SEED / np.maximum(state.lam * rod.obstacles[:, FRICTION_COEFFICIENT], FAINT)
         solved = self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, give)[0] == CONVERGED
-        if not solved and not len(places):
+        if not solved and not len(arc_lengths):
             # what touches nothing may be free to turn, and is at rest as it is
             self._slips[:], self._step = False, None
             self.refactor(state.q, state.F[-1])
@@ -223,8 +224,8 @@ class NodalRod(NodalSolver):
         """Make the twin, of fewer cells, whose end wrench shows the error of the grid."""
         twin = NodalRod(self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb)
         twin.follows, twin.work = True, 0.0
-        places, _, _, forces, obstacles, _, _ = self.contacts()
-        found = twin.adopt(self, self.state.q, self.state.F[-1], places, forces, obstacles, False)
+        arc_lengths, _, _, forces, obstacles, _, _ = self.contacts()
+        found = twin.adopt(self, self.state.q, self.state.F[-1], arc_lengths, forces, obstacles, False)
         self.work += twin.work
         self.twin = twin if found else None
         if found:
@@ -235,8 +236,8 @@ class NodalRod(NodalSolver):
         natural: np.ndarray | None = None, scale: float = 1.0,
     ) -> NodalRod:  # fmt: skip
         """As `Rod.variant`, at the same equilibrium; the mesh stays."""
-        made_of = self.K if stiffness is None else stiffness, self.natural if natural is None else natural
-        new = standing_rod(self._known(), self, *made_of, scale)
+        section = self.K if stiffness is None else stiffness, self.natural if natural is None else natural
+        new = standing_rod(self._known(), self, *section, scale)
         if self.twin is not None:
             new.twin = self.twin.variant(None, stiffness, natural, scale)
             new.twin.follows = True

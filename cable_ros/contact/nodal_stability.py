@@ -21,7 +21,7 @@ from cable_ros.rod.rod_state import Tangents
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 PENALTY = 1e8
-"""EI / L^3; what positions and contacts give way by is far below the stability margins that matter."""
+"""Stiffness of the penalty, EI / L^3: its effect is far below the stability margins that matter."""
 ITERATIONS = 60
 CHANGE = 1e-3
 """Relative change of the margin in one iteration that ends the search."""
@@ -45,8 +45,8 @@ def softest(
     """
     boundaries = np.searchsorted(rows.r, at[:, 0])
     K = condensed(contacts) if len(at) else np.zeros((0, 3, 3))
-    elastic, geometric, parts, _ = tangents
-    return float(_softest(elastic, geometric, parts, boundaries, K, start, iterations))
+    elastic, geometric, dchord, _ = tangents
+    return float(_softest(elastic, geometric, dchord, boundaries, K, start, iterations))
 
 
 def condensed(contacts: np.ndarray) -> np.ndarray:
@@ -66,19 +66,19 @@ def condensed(contacts: np.ndarray) -> np.ndarray:
 
 
 @njit(**OPTIONS)
-def _softest(elastic, geometric, parts, boundaries, K, start, iterations):
+def _softest(elastic, geometric, dchord, boundaries, K, start, iterations):
     """See `softest`.
 
     Args:
-        elastic, geometric, parts: of `Tangents`.
+        elastic, geometric, dchord: of `Tangents`.
         boundaries, K: boundaries (c,) at which contacts are, and their stiffness (c, 3, 3).
         start, iterations: as in `softest`.
     """
-    m, nd = parts.shape[0], parts.shape[2]
+    m, nd = dchord.shape[0], dchord.shape[2]
     order = nd // 3 - 1
     block = 3 * (order + 1)
-    # place by place: position, rotation, then the inner rotations of the element that begins there; the first
-    # and the last place are given, and have negative numbers or too large ones
+    # boundary by boundary: position, rotation, then the inner rotations of the element that begins there; the
+    # clamps' are given, and have negative numbers or too large ones
     total = block * m - 6
     psi = np.empty(3 * (m * order + 1), np.int64)
     for i in range(m * order + 1):
@@ -96,7 +96,7 @@ def _softest(elastic, geometric, parts, boundaries, K, start, iterations):
             j = i - band + k
             if j >= 3:
                 a[row, width + psi[j] - row] += elastic[i, k] + geometric[i, k]
-    # r[e + 1] - r[e] - parts psi = 0, as a penalty
+    # r[e + 1] - r[e] - dchord psi = 0, as a penalty
     numbers, values = np.empty(nd + 2, np.int64), np.empty(nd + 2)
     for e in range(m):
         for c in range(3):
@@ -105,7 +105,7 @@ def _softest(elastic, geometric, parts, boundaries, K, start, iterations):
             for j in range(nd):
                 i = 3 * e * order + j
                 numbers[2 + j] = psi[i] if i < psi.shape[0] - 3 else -1
-                values[2 + j] = -parts[e, c, j]
+                values[2 + j] = -dchord[e, c, j]
             for i in range(nd + 2):
                 for j in range(nd + 2):
                     if 0 <= numbers[j] <= numbers[i]:

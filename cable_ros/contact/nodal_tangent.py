@@ -30,7 +30,7 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 @njit(**OPTIONS)
 def number(near, order, rows):
-    """Number the unknowns place by place; returns how many and the bandwidth below the diagonal.
+    """Number the unknowns boundary by boundary; returns how many, and the bandwidth below the diagonal.
 
     Args:
         near: (m + 1, o) which contacts' forces are unknowns.
@@ -70,7 +70,7 @@ def number(near, order, rows):
 def jacobian(state, model, step, work, tangents, rows, a, b):
     """Assemble the tangent of `residuals`, which must be those of the state, and the right-hand side.
 
-    The end's rows take it to its place. Returns the number of unknowns and the bandwidth.
+    The end's rows impose its position. Returns the number of unknowns and the bandwidth.
 
     Args:
         state, model, step, work: `State`, `Model`, `Step` and `Work`.
@@ -78,7 +78,7 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
         a, b: of `Band`; receive the matrix and minus the residuals.
     """
     q, r, F = state.q, state.r, state.F
-    elastic, geometric, parts, _ = tangents
+    elastic, geometric, dchord, _ = tangents
     rows_r, rows_psi, rows_F, _ = rows
     elements = F.shape[0]
     order = (q.shape[0] - 1) // elements
@@ -134,9 +134,9 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
                 if i == 0:
                     continue
                 column = rows_psi[i] + j % 3
-                a[row, low + column - row] -= parts[e, c, j]
+                a[row, low + column - row] -= dchord[e, c, j]
                 if i < last:
-                    a[column, low + row - column] -= parts[e, c, j]
+                    a[column, low + row - column] -= dchord[e, c, j]
     for c in range(3):
         row = rows_r[elements] + c
         a[row, low] = 1.0

@@ -66,10 +66,10 @@ class PenaltyProblem:
         return float(rod.totals[ENERGY]) + penalty, rod.totals[:ENERGY] - rod.re, g
 
     def factor(self, mu: float) -> bool:
-        return self.rod.border_factor(mu, 3)
+        return self.rod.kkt_factor(mu, 3)
 
     def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        s, y = self.rod.border_step(gradient, np.concatenate([constraints, np.zeros(self.rod.rows - 3)]))
+        s, y = self.rod.kkt_step(gradient, np.concatenate([constraints, np.zeros(self.rod.rows - 3)]))
         return s, y[:3]
 
     def apply_hessian(self, s: np.ndarray) -> np.ndarray:

@@ -27,7 +27,7 @@ NEAR, FAR = 2, 1
 fall that leads away from them."""
 SUNK = (np.inf, 0.03, 3e-3)
 """Maximum depth after the first, second, and later descents, L: a cable that is deeper stays inside."""
-DESCENT = Options(
+DESCENT_OPTIONS = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
 """For a descent that must not leave its basin."""
@@ -118,7 +118,7 @@ def descend_instead(
     rod.set_conditions(qe, re, f, obstacles)
     start = q.copy()
     start[-1] = end
-    found = descend(rod, start, F, DESCENT, FAR)
+    found = descend(rod, start, F, DESCENT_OPTIONS, FAR)
     if found is not None:
         after = rod.mesh.interpolate(found[0], GRID)
         moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))

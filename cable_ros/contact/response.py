@@ -8,7 +8,7 @@ normal forces, and of what follows them. Each contact has these rows, as its kin
 - the gap stays zero; its unknown is the change of the normal force;
 - along a direction in which the surface is curved, the normal turns with the motion over the surface;
 - a point slides along the cable to the gap's minimum, the end of a patch to where the cable lifts off;
-- what sticks keeps its place on the obstacle: two rows across the normal, with the unknown friction;
+- a sticking point does not move on the obstacle: two rows across the normal, with the unknown friction;
 - what slips has friction mu times the normal force, in a direction that is fixed on the obstacle's surface.
 
 So friction is that of a motion in which what sticks goes on sticking and what slips goes on slipping the same
@@ -51,7 +51,7 @@ class Contacts(NamedTuple):
     lifts_off: np.ndarray
     """(m,) bool: its arc length is where the cable lifts off the surface."""
     sticks: np.ndarray
-    """(m,) bool: its friction is what keeps it in its place on the obstacle."""
+    """(m,) bool: its friction keeps it fixed to the obstacle."""
     across: bool
     """Whether friction is that of (53) of Liu et al. (2018): across the cable, slipping or not."""
     give: float

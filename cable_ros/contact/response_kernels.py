@@ -25,12 +25,12 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**OPTIONS)
-def displacements(shape, parts, arc_lengths, displacement, turn):
+def displacements(shape, dchord, arc_lengths, displacement, turn):
     """Derivatives of position and tangent at given arc lengths by the nodal rotations.
 
     Args:
         shape: fields of `contact_state.Shape`, as plain tuples.
-        parts: (m, 3, b) of `rod_state.Tangents`.
+        dchord: (m, 3, b) of `rod_state.Tangents`.
         arc_lengths: (k,) arc lengths, L.
         displacement, turn: (k, 3, 3n) receive the derivatives of position and tangent.
     """
@@ -52,7 +52,7 @@ def displacements(shape, parts, arc_lengths, displacement, turn):
         for k in range(e):
             for a in range(3):
                 for j in range(nd):
-                    displacement[i, a, 3 * k * order + j] += parts[k, a, j]
+                    displacement[i, a, 3 * k * order + j] += dchord[k, a, j]
         for k in range(N.shape[0]):
             if x == 0.0:
                 break

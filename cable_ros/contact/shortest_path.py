@@ -12,7 +12,7 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 SIDES = 6
 """Number of sides on which a string starts; before them a straight one."""
-PARTS = 40
+SEGMENTS = 40
 """Number of straight segments of a string."""
 CUT = 0.01
 """Maximum depth, L, at which a segment may cut a corner; deeper it goes through the obstacle."""
@@ -21,7 +21,7 @@ SWEEPS, CHECK = 240, 8
 NARROW = 5e-3
 """Difference, L, below which a path shorter than the cable is computed with more segments."""
 FINER = 4
-"""Number of those segments over PARTS."""
+"""Number of those segments over SEGMENTS."""
 SLIGHT = 1e-4
 """Difference, L, up to which a path longer than the cable does not count as too long."""
 DISTINCT = 0.02
@@ -77,10 +77,10 @@ def initial_string(re: np.ndarray, k: int) -> np.ndarray:
     """An initial string (n, 3) from 0 to re (3,) on the k-th of SIDES; straight for k = 0."""
     sides = np.empty((2, 3))
     across(re / max(np.sqrt(np.sum(re**2)), 1e-12), sides)
-    r = np.empty((PARTS + 1, 3))
+    r = np.empty((SEGMENTS + 1, 3))
     angle = 2.0 * np.pi * k / SIDES
-    for i in range(PARTS + 1):
-        x = i / PARTS
+    for i in range(SEGMENTS + 1):
+        x = i / SEGMENTS
         out = 0.6 * np.sin(np.pi * x) if k > 0 else 0.0
         for a in range(3):
             r[i, a] = x * re[a] + out * (np.cos(angle) * sides[0, a] + np.sin(angle) * sides[1, a])
@@ -93,7 +93,7 @@ def shortest_path(re: np.ndarray, obstacles: np.ndarray, enough: float) -> tuple
 
     The search ends with the first one that is not longer than `enough`.
     """
-    best, path = np.inf, np.empty((PARTS + 1, 3))
+    best, path = np.inf, np.empty((SEGMENTS + 1, 3))
     for k in range(SIDES + 1):
         r = initial_string(re, k)
         length = pull_tight(r, obstacles, enough)

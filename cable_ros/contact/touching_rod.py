@@ -21,7 +21,6 @@ from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.solve.trust_region import Options
 
-
 SHORT = 50
 """Most iterations of a descent with the stiffer springs: what falls far slides over softer ones in fewer."""
 

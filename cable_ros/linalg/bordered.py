@@ -190,7 +190,7 @@ def saddle_step(g, c, C, order, factors, s, dF):
 
 
 @njit(**OPTIONS)
-def border_factor(tangents, mu, order, factors, V, delta, count, equalities):
+def kkt_factor(tangents, mu, order, factors, V, delta, count, equalities):
     """`factor` with more constraint rows; whether the whole is a strict minimum.
 
     With H' = H + mu D + sum v v^T / delta over the rows of V beyond the equalities, the bordered matrix has
@@ -249,7 +249,7 @@ def complement(V, W, count, order, factors):
 
 @njit(**OPTIONS)
 def complement_factors(S, count):
-    """What `border_solve` needs of the complement S of `count` rows: its factors and their swaps, of 3 S
+    """What `kkt_solve` needs of the complement S of `count` rows: its factors and their swaps, of 3 S
     itself.
     """
     swaps = np.empty(count, np.int64)
@@ -261,11 +261,11 @@ def complement_factors(S, count):
 
 
 @njit(**OPTIONS)
-def border_solve(g, c, V, order, factors, small, swaps, s, y):
-    """`border_step` with factors of the complement.
+def kkt_solve(g, c, V, order, factors, small, swaps, s, y):
+    """`kkt_step` with factors of the complement.
 
     Args:
-        g, c, V, order, factors, s, y: as in `border_step`.
+        g, c, V, order, factors, s, y: as in `kkt_step`.
         small, swaps: (count, count), (count,) what `complement_factors` made of the complement.
     """
     count = swaps.shape[0]
@@ -280,18 +280,18 @@ def border_solve(g, c, V, order, factors, small, swaps, s, y):
 
 
 @njit(**OPTIONS)
-def border_step(g, c, V, count, order, factors, s, y):
+def kkt_step(g, c, V, count, order, factors, s, y):
     """s (3n,), y (count,) with H s - V^T y = -g, V s + delta y = -c; s = 0 at the ends.
 
     Args:
         g, c: (3n,) gradient, (count,) what the constraints are off.
         V: (rows, 3n) constraint rows, of which the first `count` count.
         order: of the elements.
-        factors: as `border_factor` leaves them.
+        factors: as `kkt_factor` leaves them.
         s, y: receive the step.
     """
     small, swaps = complement_factors(factors.S, count)
-    border_solve(g, c, V, order, factors, small, swaps, s, y)
+    kkt_solve(g, c, V, order, factors, small, swaps, s, y)
 
 
 @njit(**LEAF)

@@ -168,9 +168,14 @@ def increments(q, c, out):
 
 @njit(**LEAF)
 def weight_up_to(primitives, k, x):
-    """Weight of the tangent at Gauss point k in the displacement from the element's start to x in [0, 1].
+    """Weight w_k(x) of the tangent t_k at Gauss point k: r(x) - r(0) = h sum_k w_k(x) t_k on an element.
 
-    `primitives` is that of `Tables`.
+    It is the integral of the k-th Lagrange polynomial of the Gauss points from 0 to x.
+
+    Args:
+        primitives: (g, g) of `rod_state.Tables`.
+        k: the Gauss point.
+        x: in [0, 1].
     """
     v = 0.0
     for m in range(primitives.shape[0] - 1, -1, -1):

@@ -99,11 +99,11 @@ def clamp_response(q, F, conditions, grid, system):
         across = quaternion.turned(back, _cross(unit, re))
         turned = _cross(unit, f)
         for i in range(12):
-            slide, turn = 0.0, 0.0
+            translation, turn = 0.0, 0.0
             for a in range(3):
-                slide -= inner[i, a] * along[a]
+                translation -= inner[i, a] * along[a]
                 turn -= inner[i, a] * across[a] + inner[i, 3 + a] * along[a] + inner[i, 6 + a] * turned[a]
-            out[i, k] = slide
+            out[i, k] = translation
             out[i, 3 + k] = turn
     return out
 

@@ -295,7 +295,7 @@ def hessian(q, F, f, section, grid, radial, tangents):
     h, s0, tables = grid
     N, dN, N3, dN3 = tables.values, tables.slopes, tables.values3, tables.slopes3
     points, weights = tables.points, tables.weights
-    elastic, geometric, parts, C = tangents
+    elastic, geometric, dchord, C = tangents
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     wide = (nd + 7) // 8 * 8  # whole vectors: the inner loops run over zeros rather than remainders
@@ -311,7 +311,7 @@ def hessian(q, F, f, section, grid, radial, tangents):
     k8 = np.empty((3, 8))
     elastic[:] = 0.0
     geometric[:] = 0.0
-    parts[:] = 0.0
+    dchord[:] = 0.0
     C[:] = 0.0
     for e in range(h.shape[0]):
         first = e * order
@@ -340,6 +340,7 @@ def hessian(q, F, f, section, grid, radial, tangents):
             density = strain(qs, ds, K, natural, G)
             t, n = density[2], density[5]
             wh = weights[k] * h[e]
+            # derivatives by (q, q'): k8 of the strain, H the second one's part without k8
             second(qs, ds, G, density, wh, k8, H)
             for c in range(3):
                 b0, b1, b2, b3 = k8[c, 0], k8[c, 1], k8[c, 2], k8[c, 3]
@@ -364,7 +365,7 @@ def hessian(q, F, f, section, grid, radial, tangents):
                     S[i, j] += (b0 * Y[0, j] + b1 * Y[1, j] + b2 * Y[2, j] + b3 * Y[3, j]) + (
                         b4 * Y[4, j] + b5 * Y[5, j] + b6 * Y[6, j] + b7 * Y[7, j]
                     )
-            tangent_derivative(qs, t, 2.0 * wh / n, D, parts[e], 0, nd)
+            tangent_derivative(qs, t, 2.0 * wh / n, D, dchord[e], 0, nd)
         for i in range(nd):
             row = 3 * first + i
             shift = band - i
@@ -372,7 +373,7 @@ def hessian(q, F, f, section, grid, radial, tangents):
                 elastic[row, shift + j] += E[i, j]
                 geometric[row, shift + j] += S[i, j]
             for a in range(3):
-                C[a, row] += parts[e, a, i]
+                C[a, row] += dchord[e, a, i]
     for i in range(q.shape[0]):
         for c in range(3):
             geometric[3 * i + c, band] -= radial[i]

@@ -58,17 +58,17 @@ def saddle_step(g, c, order, system, s, dF):
 
 
 @njit(**OPTIONS)
-def border_factor(mu, system, V, delta, count, equalities):
-    """See `bordered.border_factor`."""
+def kkt_factor(mu, system, V, delta, count, equalities):
+    """See `bordered.kkt_factor`."""
     system = system_of(system)
     order = system.tangents.elastic.shape[1] // 3 - 1
-    return bordered.border_factor(system.tangents, mu, order, system.factors, V, delta, count, equalities)
+    return bordered.kkt_factor(system.tangents, mu, order, system.factors, V, delta, count, equalities)
 
 
 @njit(**OPTIONS)
-def border_step(g, c, V, count, order, factors, s, y):
-    """See `bordered.border_step`."""
-    bordered.border_step(g, c, V, count, order, Factors(*factors), s, y)
+def kkt_step(g, c, V, count, order, factors, s, y):
+    """See `bordered.kkt_step`."""
+    bordered.kkt_step(g, c, V, count, order, Factors(*factors), s, y)
 
 
 @njit(**OPTIONS)

@@ -7,7 +7,7 @@ import numpy as np
 
 from cable_ros.compilation import njit
 from cable_ros.linalg import banded
-from cable_ros.linalg.bordered import Factors, border_solve, border_step, complement_factors, end_rows, solve3
+from cable_ros.linalg.bordered import Factors, complement_factors, end_rows, kkt_solve, kkt_step, solve3
 from cable_ros.rod.centreline import increments, tangent_derivative
 from cable_ros.rod.energy_kernels import second, strain
 from cable_ros.rod.rod_state import Tables, system_of
@@ -30,7 +30,7 @@ def margin(elastic, V, count, order, factors, mode, start_vector, repeats):
         V: (rows, 3n) constraint rows.
         count: number of rows.
         order: of the elements.
-        factors: fields of `bordered.Factors`, as a plain tuple, as `bordered.border_factor` leaves them.
+        factors: fields of `bordered.Factors`, as a plain tuple, as `bordered.kkt_factor` leaves them.
         mode: (3n,) start of the search, which receives the eigenvector.
         start_vector: (3n,) of which a little is added to the start, so that no symmetry hides a mode.
         repeats: maximum number of iterations.
@@ -49,7 +49,7 @@ def margin(elastic, V, count, order, factors, mode, start_vector, repeats):
     for _ in range(repeats):
         for i in range(n):
             y[i] = -y[i]
-        border_solve(y, zero, V, order, factors, small, swaps, x, dF)
+        kkt_solve(y, zero, V, order, factors, small, swaps, x, dF)
         top = 0.0
         for i in range(n):
             top -= x[i] * y[i]
@@ -199,7 +199,7 @@ def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, est
                     c[i] += lines[i, a] * (c[a] + re[a] - boundaries[e + 1, a])
     s = np.empty(n)
     dF = np.empty(count)
-    border_step(residual, c, V, count, order, system.factors, s, dF)
+    kkt_step(residual, c, V, count, order, system.factors, s, dF)
     at_end = end_rows(system.tangents, V, count, s, dF)
     out = np.empty(6)
     for a in range(3):

@@ -86,14 +86,15 @@ def local(q, G, S, d, b, slope):
 
 @njit(**OPTIONS)
 def stretch_gradient(q, F, f, grid, stretch, acc):
-    """What the stretch pulls at the nodal quaternions, and its displacement of the end and energy.
+    """Add the derivative of the complementary energy by the nodal quaternions.
 
-    The energy is that of the strain, less what the weight loses by the stretch.
+    `totals` receives the displacement of the end, integral u ds, and the energy: that of the strains less the
+    work of the weight on u.
 
     Args:
         q, F, f, grid: as in `energy_kernels.gradient`.
         stretch: `Stretch`; receives `totals`.
-        acc: (n, 4) to which the pull is added.
+        acc: (n, 4) to which the derivative is added.
     """
     h, s0, tables = grid
     N, points, weights = tables.values, tables.points, tables.weights
@@ -128,7 +129,12 @@ def stretch_gradient(q, F, f, grid, stretch, acc):
 
 @njit(**OPTIONS)
 def stretch_hessian(q, F, f, grid, stretch, tangents):
-    """Add the second derivatives to those of `energy_kernels.hessian`.
+    """Add the second derivatives of the complementary energy to those of `energy_kernels.hessian`.
+
+    At each Gauss point, with the interpolated quaternion q: H (4, 4) is the derivative of the density by q,
+    twice; X (3, 4) that of the strain u by q; `reach` sums that of u by F. The chain rule with D (4, nd), the
+    derivative of q by the rotations of the element's nodes, adds D^T H D to `geometric` and X D to `dchord`
+    and C.
 
     Args:
         q, F, f, grid: as in `energy_kernels.gradient`.
@@ -138,7 +144,7 @@ def stretch_hessian(q, F, f, grid, stretch, tangents):
     h, s0, tables = grid
     N, points, weights = tables.values, tables.points, tables.weights
     compliance, reach, _ = stretch
-    _, geometric, parts, C = tangents
+    _, geometric, dchord, C = tangents
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     band = nd - 1
@@ -168,7 +174,7 @@ def stretch_hessian(q, F, f, grid, stretch, tangents):
                 G[a] = F[e, a] + rest * f[a]
             forms(G, S)
             n = local(qs, G, S, d, b, slope)
-            for i in range(3):  # the axes' components along i, by q
+            for i in range(3):  # derivative by q of the component i of each axis
                 for a in range(3):
                     for j in range(4):
                         v = -d[a, i] * qs[j]
@@ -202,7 +208,7 @@ def stretch_hessian(q, F, f, grid, stretch, tangents):
                     )
                 for a in range(3):
                     v = X[a, 0] * D[0, i] + X[a, 1] * D[1, i] + X[a, 2] * D[2, i] + X[a, 3] * D[3, i]
-                    parts[e, a, i] += v
+                    dchord[e, a, i] += v
                     C[a, row] += v
 
 

@@ -149,10 +149,18 @@ def starts(
     natural: np.ndarray | None = None,
     taut: bool = False,
 ) -> Iterator[np.ndarray]:
-    """Frames (n, 4) to start a search from: every curve with its likely twists, those near the target first.
+    """Initial shapes of a search, (n, 4) frames each: every curve of `bulges` with two or three total twists.
 
-    A cable that is not straight without load, `natural` (3,), or is pulled `taut` first starts from its own
-    shape.
+    The twists of a curve between given clamps differ by whole turns. Those within about a turn of the target
+    are taken, the nearest first. If the cable is naturally curved or taut, its `unloaded` shape comes first.
+
+    Args:
+        nodes: (n,) arc lengths, L.
+        qe, re: end frame (4,) and end position (3,), L.
+        f: (3,) load per length.
+        target_twist: rad; None: the natural twist.
+        natural: (3,) curvature and twist of the unloaded cable, 1 / L; None: straight.
+        taut: whether the cable is nearly straight between its clamps.
     """
     natural = np.zeros(3) if natural is None else natural
     if taut or natural.any():
@@ -163,10 +171,10 @@ def starts(
         base = closing_turn(q, qe)
         centre = natural[2] if target_twist is None else target_twist
         nearest = base + 2.0 * np.pi * np.round((centre - base) / (2.0 * np.pi))
-        reach = 1.1 if rank == 0 else 0.8
+        turns_off = 1.1 if rank == 0 else 0.8  # the first curve with three twists, others with one or two
         for k in (-1, 0, 1):
             angle = nearest + 2.0 * np.pi * k
-            if abs(angle - centre) <= 2.0 * np.pi * reach:
+            if abs(angle - centre) <= 2.0 * np.pi * turns_off:
                 turns.append((abs(k), rank, angle, q))
     turns.sort(key=lambda item: item[:2])
     for _, _, angle, q in turns:

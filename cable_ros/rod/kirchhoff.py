@@ -19,12 +19,12 @@ from cable_ros.solve.trust_region import Options, minimize
 ORDER = 6
 """Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
 
-REFRESH, OFF = 0.05, 0.1
+REFACTOR, OFF = 0.05, 0.1
 """Rotation of a section, rad, after which factors, stability margin and error estimate are renewed; and the
 relative error of the margin, extrapolated from its last change, at which they are renewed earlier."""
 NOTHING = np.zeros(3)
 NO_LINES, NO_ELEMENTS, NO_DELTA = np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0)
-"""For `error_estimate.error`: nothing is touched."""
+"""For `error_estimate.error`: no contact."""
 
 
 class Rod:
@@ -40,10 +40,10 @@ class Rod:
     """
 
     obstacles: np.ndarray | None = None
-    """(o, WIDTH) obstacles; None: it touches nothing."""
+    """(o, WIDTH) obstacles; None: no contact."""
 
     work = np.inf
-    """Budget that is left of a solve, iterations times unknowns: results must not depend on the clock."""
+    """Budget left for a solve, iterations times unknowns: results must not depend on the clock."""
 
     few = 3
     """Maximum number of iterations of a step after which the next one may be longer."""
@@ -52,10 +52,10 @@ class Rod:
     """Whether snap-throughs keep friction's history."""
 
     patience = 0
-    """Number of descents that may still be made of steps that fail, see `penalty_continuation.give_way`."""
+    """Number of penalty continuations left for failed steps, see `penalty_continuation.descend_instead`."""
 
-    rubs = False
-    """Whether it touches something that rubs."""
+    frictional = False
+    """Whether it touches something with friction."""
 
     lies = False
     """Whether it lies along an obstacle with friction."""
@@ -64,7 +64,7 @@ class Rod:
     """Length of the next step over that of the last, as friction allows."""
 
     forgot = False
-    """Whether friction's history was lost in a descent."""
+    """Whether a descent has lost friction's history."""
 
     least = 1e-6
     """Wrench, in units of the cable, to which smaller ones are rounded up in a relative error."""
@@ -88,7 +88,7 @@ class Rod:
         self.elastic, self.geometric = np.zeros((n, band)), np.zeros((n, band))
         self.A, self.L, self.pivots = np.zeros((n, band)), np.zeros((n, band)), np.ones(n)
         self.C, self.Y, self.S = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 3))
-        self.parts, self.acc = np.zeros((elements, 3, band)), np.zeros((nodes, 4))
+        self.dchord, self.acc = np.zeros((elements, 3, band)), np.zeros((nodes, 4))
         self.lanes = workspace(self.h, self.tables.by_point)
         self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
         self.shares = np.zeros(elements)
@@ -98,11 +98,11 @@ class Rod:
         self.enrichment = tuple(self.fine), self.bubble
         self.saddle = (
             (self.acc, self.g, self.radial, self.totals, self.lanes),
-            (self.elastic, self.geometric, self.parts, self.C),
+            (self.elastic, self.geometric, self.dchord, self.C),
             (self.A, self.L, self.pivots, self.Y, self.S),
         )
         self._start_vector: np.ndarray | None = None
-        self.rotation, self.rotation_before, self.refactor_at = np.inf, np.inf, REFRESH
+        self.rotation, self.rotation_before, self.refactor_at = np.inf, np.inf, REFACTOR
         self.margin = np.nan
         # the last equilibria of `advance` on this mesh: the latest itself, how many, and all of them
         self.latest: np.ndarray | None = None
@@ -123,7 +123,7 @@ class Rod:
         self.qe, self.re, self.f = qe, re, f
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
-        """(m,) which elements are too long for contact, see `BorderedRod`."""
+        """(m,) which elements are too long for contact, see `FixedSetRod`."""
         return np.zeros(len(self.h), bool)
 
     def suited(self, mesh: Mesh) -> Mesh:
@@ -260,9 +260,9 @@ class Rod:
         """
         margin = self._softest()
         change = abs(margin - self.margin)
-        self.refactor_at = REFRESH
+        self.refactor_at = REFACTOR
         if change > 0.0 and self.rotation_before < np.inf:
-            self.refactor_at = min(REFRESH, OFF * margin * self.rotation_before / change)
+            self.refactor_at = min(REFACTOR, OFF * margin * self.rotation_before / change)
         self.margin = margin
         return margin
 
@@ -307,13 +307,13 @@ class Rod:
         return float(error_estimate.relative_error(change, F, self.g[-1], self.shares, self.least))
 
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """(2,) what lying at the clamps adds to `relative_error`; see `BorderedRod`."""
+        """(2,) what lying at the clamps adds to `relative_error`; see `FixedSetRod`."""
         return np.zeros(2)
 
     def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
-        """What friction adds to `relative_error`; see `BorderedRod`."""
+        """What friction adds to `relative_error`; see `FixedSetRod`."""
         return 0.0
 
     def friction_changed(self) -> bool:
-        """Whether `friction_error` should be asked again; see `BorderedRod`."""
+        """Whether `friction_error` should be asked again; see `FixedSetRod`."""
         return False

@@ -86,10 +86,10 @@ class Tangents(NamedTuple):
     """(3n, b) second derivative of the elastic energy by the nodal rotations, lower band."""
     geometric: np.ndarray
     """(3n, b) that of the forces' potential."""
-    parts: np.ndarray
-    """(m, 3, b) derivative of each element's integral of the tangent by its own nodes' rotations, L."""
+    dchord: np.ndarray
+    """(m, 3, b) derivative of each element's chord by its own nodes' rotations, L."""
     C: np.ndarray
-    """(3, 3n) the same of the end position, the sum of all elements'."""
+    """(3, 3n) derivative of the end position, the sum of all chords, by the nodal rotations, L."""
 
 
 class Conditions(NamedTuple):

@@ -115,22 +115,22 @@ def strain_stiffness(mesh: Mesh, compliance: np.ndarray) -> np.ndarray:
     return np.asarray((weights[:, :, None] / soft).ravel())
 
 
-def lowest(H: np.ndarray, M: np.ndarray, held: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def lowest(H: np.ndarray, M: np.ndarray, rows: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """The `count` lowest angular frequencies (k,) and their modes (N, k), fewer where there are not so many.
 
     Args:
         H: (N, N) Hessian.
         M: (N, N) mass.
-        held: (r, N) what does not move: held x = 0. Rows may depend on each other.
+        rows: (r, N) constraints: rows @ x = 0. They may depend on each other.
 
     Raises:
-        LinAlgError: H is not positive definite on what is left free.
+        LinAlgError: H is not positive definite under the constraints.
     """
     from scipy.linalg import eigh, qr
 
-    size = np.linalg.norm(held, axis=1)
-    held = held[size > 0.0] / size[size > 0.0, None]
-    Q, R, _ = qr(held.T, pivoting=True)
+    size = np.linalg.norm(rows, axis=1)
+    rows = rows[size > 0.0] / size[size > 0.0, None]
+    Q, R, _ = qr(rows.T, pivoting=True)
     rank = int((np.abs(np.diagonal(R)) > DEPENDENT).sum())
     Z = Q[:, rank:]
     count = min(count, Z.shape[1])

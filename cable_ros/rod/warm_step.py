@@ -32,13 +32,13 @@ POSITION, LOAD = 4, 7
 @njit(**OPTIONS)
 def advance(
     q, F, qe, re, f, K, natural, h, s0, tables,
-    acc, g, radial, totals, lanes, elastic, geometric, parts, C, A, U, pivots, Y, S,
+    acc, g, radial, totals, lanes, elastic, geometric, dchord, C, A, U, pivots, Y, S,
     shapes, forces, conditions, known, tolerance, limit, rotation, refactor_at, q_new, F_new,
 ):  # fmt: skip
     """From the equilibrium (q, F) to that under new conditions, with the factors at hand.
 
     The start is extrapolated along the path of the last equilibria, see `extrapolate`, or (q, F) itself,
-    whose gradient is in the evaluation if any is known. The first step from there takes the end to its place,
+    whose gradient is in the evaluation if any is known. The first step from there satisfies the end position,
     all others correct. The factors may be those of another equilibrium; they are made again once a section
     has turned too far since, after a long step, and when the iteration no longer contracts.
 
@@ -51,7 +51,7 @@ def advance(
         K, natural: of `Section`.
         h, s0, tables: of `Grid`; the last one a tuple of the fields of `Tables`.
         acc, g, radial, totals, lanes: of `Evaluation`, overwritten.
-        elastic, geometric, parts, C: of `Tangents`, overwritten.
+        elastic, geometric, dchord, C: of `Tangents`, overwritten.
         A, U, pivots, Y, S: of `bordered.Factors`, overwritten.
         shapes, forces, conditions: of `Path`; an equilibrium that is found is put first.
         known: number of equilibria on the path that are known, 0 to 3.
@@ -64,7 +64,7 @@ def advance(
     """
     section, grid = Section(K, natural), Grid(h, s0, Tables(*tables))
     evaluation = Evaluation(acc, g, radial, totals, lanes)
-    tangents, factors = Tangents(elastic, geometric, parts, C), Factors(A, U, pivots, Y, S)
+    tangents, factors = Tangents(elastic, geometric, dchord, C), Factors(A, U, pivots, Y, S)
     path = Path(shapes, forces, conditions)
     order = grid.tables.values.shape[1] - 1
     n = 3 * q.shape[0]
@@ -201,7 +201,7 @@ def extrapolate(path, known, target, q, F):
 
 @njit(**LEAF)
 def signed_distance(origin, at, target):
-    """Distance from `at` to `target`, all (10,), negative if that leads back towards `origin`."""
+    """Distance from the conditions `at` to `target`, all (10,); negative if it leads back to `origin`."""
     size, side = 0.0, 0.0
     for a in range(at.shape[0]):
         change = target[a] - at[a]

@@ -27,8 +27,6 @@ class Health:
         self.name = node.removeprefix("/")
         self.hardware_id = node
         self._scene = scene
-        self.refused = False
-        """Whether the robot that was waited for came, and cannot be used."""
         self._fault = ""
         self._last_message = time.monotonic()
 
@@ -40,17 +38,20 @@ class Health:
         """A joint state came."""
         self._last_message = time.monotonic()
 
-    def joint_states(self, states: JointStates | None, waiting: str, publishers: int) -> DiagnosticStatus:
+    def joint_states(
+        self, states: JointStates | None, waiting: str, refused: bool, publishers: int
+    ) -> DiagnosticStatus:
         """The entry of the joint states; what was noted is told and then forgotten.
 
         Args:
             states: None while the scene waits for its robot or the compiler.
             waiting: what it waits for, or why the robot cannot be used.
+            refused: whether the robot cannot be used.
             publishers: how many there are on the topic.
         """
         name = f"{self.name}: joint states"
         if states is None:
-            level = DiagnosticStatus.ERROR if self.refused else DiagnosticStatus.WARN
+            level = DiagnosticStatus.ERROR if refused else DiagnosticStatus.WARN
             return diagnostic(name, level, waiting, {}, self.hardware_id)
         silence = time.monotonic() - self._last_message
         fault, self._fault = self._fault, ""

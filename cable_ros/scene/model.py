@@ -47,7 +47,7 @@ class Cable:
     diameter: float | None = None
     """m; None where the scene gives the stiffness itself."""
     total_twist: float | None = None
-    """Hint, rad: the branch to start on; None: the stable equilibrium of least energy that is found."""
+    """Target, rad: selects the branch to start on; None: the stable equilibrium of least energy found."""
 
     outer_diameter: float | None = None
     """m, where contact must count more than `diameter`, or there is none."""

@@ -16,7 +16,7 @@ from zoo_make import ARM
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.branch import cable_tracker, handover
-from cable_ros.branch.continuation import FOLD, SMALL, Fall
+from cable_ros.branch.continuation import FOLD, SMALL, SnapThrough
 from cable_ros.branch.standing import Loss, Standing
 from cable_ros.joint import joint_load, joint_stiffness, joint_torque
 from cable_ros.log import events
@@ -24,7 +24,7 @@ from cable_ros.log.resolve import Outcome, resolve
 from cable_ros.log.run import Event, Solve
 
 TOLD = "it was led there by a test"
-FALL = Fall(0.5, 2.0, 1.0, 0.0, 0.1, jumped=True, touched=False, margin=0.01, to_fold=1.0)
+SNAP = SnapThrough(0.5, 2.0, 1.0, 0.0, 0.1, jumped=True, touched=False, margin=0.01, to_fold=1.0)
 
 
 def arm() -> tuple[Tracker, str]:
@@ -43,7 +43,7 @@ def arm() -> tuple[Tracker, str]:
     ],
 )
 def test_a_fold_is_a_margin_that_runs_to_zero_and_energy_that_falls(change: dict, folded: bool) -> None:
-    assert replace(FALL, **change).folded is folded
+    assert replace(SNAP, **change).folded is folded
 
 
 def test_what_was_lost_is_told_and_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,7 +57,7 @@ def test_what_was_lost_is_told_and_not_trusted(monkeypatch: pytest.MonkeyPatch) 
     assert not lost.status.trusted
     assert not lost.converged
     assert np.isfinite(lost.end_wrench).all()  # the last attempt
-    for said in ("solved anew", "total twist", "call reset", "~/reset"):
+    for said in ("solved again", "total twist", "call reset", "~/reset"):
         assert said in lost.message
     assert list(tracker.lost) == ["cable"]
     # its last attempt makes no torque
@@ -97,8 +97,8 @@ def test_a_cable_of_another_number_of_turns_stays_lost() -> None:
     there = other.solve({"orientation": 0.0})[name]
     assert abs(there.total_twist - known.total_twist) > math.pi
     # the other's equilibrium, with what is known of the first one
-    follower, stranger = tracker._followers[0], other._followers[0]
-    follower._rod, follower._q, follower._F = stranger._rod, stranger._q, stranger._F
+    tracked, stranger = tracker._tracked_cables[0], other._tracked_cables[0]
+    tracked._rod, tracked._q, tracked._F = stranger._rod, stranger._q, stranger._F
     for angle in (0.02, 0.2, 0.4):
         found = tracker.solve({"orientation": angle})[name]
         assert found.status is Status.BRANCH_LOST
@@ -193,7 +193,7 @@ def test_poses_that_wait_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Status.BRANCH_LOST not in found[:5]
     lost = tracker.arrive({"turn": 0.5})["cable"]
     assert lost.status is Status.BRANCH_LOST
-    assert "friction depends on the way" in lost.message
+    assert "friction depends on the path" in lost.message
 
 
 def test_what_sticks_in_between_counts_from_the_beginning() -> None:
@@ -205,7 +205,7 @@ def test_what_sticks_in_between_counts_from_the_beginning() -> None:
     assert loss.followed(0.05, slips=True, step=True).forgotten
     stuck = loss.followed(0.05, slips=False, step=True)
     assert not stuck.followed(0.1, slips=True, step=True).followed(0.3, slips=True, step=True).forgotten
-    # what lies between the ends of a walk is not known
+    # nothing is known between the ends of a continuation
     assert not loss.followed(0.05, slips=True, step=False).forgotten
     # without friction there is nothing to forget, and the branch is not known by slip
     assert not replace(loss, history=False).followed(1.0, slips=True, step=True).forgotten
@@ -214,11 +214,11 @@ def test_what_sticks_in_between_counts_from_the_beginning() -> None:
 def test_snaps_are_kept_until_they_are_told() -> None:
     standing = Standing()
     for _ in range(5):
-        standing = standing.snapped(FALL)
+        standing = standing.snapped(SNAP)
     story = standing.story(1.0)
     assert "2 times before" in story
     assert story.count("total twist") == 3
-    assert standing.lost(TOLD, True, np.zeros(1), 0.0).snapped(FALL).snaps == ()
+    assert standing.lost(TOLD, True, np.zeros(1), 0.0).snapped(SNAP).snaps == ()
 
 
 def test_another_tolerance_keeps_the_branch_and_its_friction() -> None:

@@ -13,10 +13,10 @@ ARM = KNOWN["space_arm_+0.0deg"]
 NAMES = ("space_arm_+0.0deg", "space_arm_+90.0deg", "cable_00", "cable_04", "cable_09")
 
 
-def search(name: str, hint: float | None = None, thorough: bool = True, tolerance: float = 1e-4):
+def search(name: str, target_twist: float | None = None, thorough: bool = True, tolerance: float = 1e-4):
     known = KNOWN[name]
     stiffness = known.stiffness / known.units.stiffness
-    return equilibria(stiffness, None, known.conditions(), hint, tolerance, thorough)
+    return equilibria(stiffness, None, known.conditions(), target_twist, tolerance, thorough)
 
 
 def test_the_arms_two_lowest_branches() -> None:
@@ -53,7 +53,7 @@ def test_the_same_search_finds_the_same(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_the_hint_is_found_first(name: str) -> None:
+def test_the_target_twist_is_found_first(name: str) -> None:
     known = KNOWN[name]
     found = search(name, known.total_twist, thorough=False)
     # On the coarse mesh of the search the twist is good to a few 1e-3.

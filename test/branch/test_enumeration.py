@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from references import planar
-from zoo_make import ARM, cable, turned, without_hint
+from zoo_make import ARM, cable, turned, without_target_twist
 
 from cable_ros import Equilibrium, Tracker, load_scene
 from cable_ros.branch.enumeration import branches
@@ -40,7 +40,7 @@ def test_each_is_stable_and_where_its_twist_leads_a_cold_start() -> None:
 def test_both_sides_of_a_buckled_rod() -> None:
     # Stiffness 4 : 1, so that it buckles in one plane, to either side: mirror images, equal energy and twist.
     side = planar.buckled(1.0, 1.0, 0.9)
-    found = branches(load_scene(without_hint(side.scene())), {})["cable"]
+    found = branches(load_scene(without_target_twist(side.scene())), {})["cable"]
     planar_ones = [one for one in found if abs(one.total_twist) < 0.1]
     mirror = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
     assert len(planar_ones) == 2
@@ -69,10 +69,10 @@ def test_a_missing_joint_is_named() -> None:
         branches(load_scene(ARM), {})
 
 
-def test_the_hint_moves_the_search() -> None:
+def test_the_target_twist_moves_the_search() -> None:
     # A rod soft in torsion keeps many turns before it writhes.
     end, soft = turned([0.8, 0.2, 0.1], [0.4, 0.9, -0.3]), (1.0, 1.0, 0.1)
     for turns in (-4, 4):
-        hint = 2.0 * math.pi * turns
-        found = branches(load_scene(cable(end, stiffness=soft, total_twist=hint)), {})["cable"]
-        assert min(abs(one.total_twist - hint) for one in found) < math.pi
+        target_twist = 2.0 * math.pi * turns
+        found = branches(load_scene(cable(end, stiffness=soft, total_twist=target_twist)), {})["cable"]
+        assert min(abs(one.total_twist - target_twist) for one in found) < math.pi

@@ -87,7 +87,7 @@ def test_what_turns_freely_has_a_frequency_of_nearly_nothing():
         {"position": [0, 0, 0.8], "orientation": UPRIGHT}, stiffness=[1, 1, 0.7], linear_density=1.0,
         total_twist=0.0,
     )  # fmt: skip
-    assert "turn freely" in found.message
+    assert "turns freely" in found.message
     first, second = found.modes(2).frequencies
     # By the stiffness of 1e-6 of the cable's own that is always added.
     assert 0.0 <= first < 0.01 * second
@@ -149,8 +149,8 @@ def test_friction_that_sticks_holds():
         found = tracker.arrive({"orientation": math.radians(degrees)})["camera_cable"]
     assert found.contacts
     assert not any(contact.sliding for contact in found.contacts)
-    (follower,) = tracker._followers
-    rod, q, F = follower.rod, follower.q, follower._F
+    (tracked,) = tracker._tracked_cables
+    rod, q, F = tracked.rod, tracked.q, tracked._F
     loose = rod.snapshot()()
     loose.model = FRICTIONLESS
     free, stuck = omega(loose, q, F), omega(rod.snapshot()(), q, F)

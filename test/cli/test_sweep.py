@@ -147,7 +147,7 @@ def test_grid_has_its_columns_in_the_tracker_s_order():
 
 
 def test_variants_start_on_the_branch_of_the_first(fixed):
-    """Without a hint a variant would take its own least energy; the first one's twist is handed on."""
+    """Without a target twist each would take its own least energy; the first one's twist is handed on."""
     scene = load_scene(fixed)
     scenes = [vary(scene, {"length": length}) for length in (0.4, 0.45)]
     first, second = same_branch(scenes, np.empty(0))

@@ -39,7 +39,7 @@ def test_the_state_of_a_cable_in_contact_can_be_sent():
     smooth = tuple(dataclasses.replace(obstacle, friction=0.0) for obstacle in scene.obstacles)
     tracker = Tracker(dataclasses.replace(scene, obstacles=smooth))
     assert tracker.arrive({"orientation": 1.0})["camera_cable"].contacts
-    (tracked,) = tracker._followers
+    (tracked,) = tracker._tracked_cables
     # memory that was another's before
     tracked.rod.complement[tracked.rod.rows :] = np.pi
     tracked.rod.V[tracked.rod.rows :] = np.pi

@@ -23,7 +23,7 @@ from references import contact
 from references.reference import Reference
 
 from cable_ros.branch.cold_start import Conditions, refine, settle
-from cable_ros.branch.continuation import fall
+from cable_ros.branch.continuation import snap_through
 from cable_ros.contact.distance import gap
 from cable_ros.contact.nodal_kernels import COMPLIANCE
 from cable_ros.contact.nodal_rod import NodalRod
@@ -267,7 +267,7 @@ def test_a_fall_lands_where_the_free_rods_does() -> None:
         yaw, q, F = yaw + size, q_new, F_new
     assert yaw > 0.2
     beyond = there(yaw + 0.02)
-    landed = fall(free, q, F, beyond)
+    landed = snap_through(free, q, F, beyond)
     assert landed is not None
     exact = np.concatenate((landed[0].F, landed[0].rod.g[-1]))
     assert off(exact, wrench(rod)) > 0.3  # far away

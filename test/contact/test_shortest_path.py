@@ -8,7 +8,7 @@ import pytest
 
 from cable_ros import Status, Tracker
 from cable_ros.contact.distance import BOX, PLANE, SPHERE, WIDTH
-from cable_ros.contact.shortest_path import PARTS, shortest_path, taut_strings, too_short
+from cable_ros.contact.shortest_path import SEGMENTS, shortest_path, taut_strings, too_short
 
 
 def obstacle(kind: float, center: tuple[float, float, float], *sizes: float) -> np.ndarray:
@@ -29,9 +29,9 @@ def test_round_a_sphere(height: float) -> None:
     between = np.arccos(-center @ (END - center) / np.linalg.norm(center) / np.linalg.norm(END - center))
     turned = between - sum(np.arctan2(way, radius) for way in taut_strings)
     length, way = shortest_path(END, np.array([obstacle(SPHERE, tuple(center), radius)]), 0.0)
-    # the polygon's parts, 1/PARTS long, cut the arc short by less than a fourth of the part's own share of
+    # the polygon's parts, 1/SEGMENTS long, cut the arc short by less than a fourth of the part's own share of
     # turn squared, and it may end a hundredth of a part off its minimum
-    assert sum(taut_strings) + radius * turned - (1.0 / PARTS / radius) ** 2 / 24 < length
+    assert sum(taut_strings) + radius * turned - (1.0 / SEGMENTS / radius) ** 2 / 24 < length
     assert length < sum(taut_strings) + radius * turned + 1e-4
     assert np.linalg.norm(way - center, axis=1).min() > radius - 1e-9
 
@@ -40,9 +40,9 @@ def test_over_a_box_by_the_shorter_side() -> None:
     box = obstacle(BOX, (0.45, 0.1, 0.0), 0.1, 0.2, 5.0)  # from y = -0.1 to 0.3, endless along z
     length, way = shortest_path(END, np.array([box]), 0.0)
     exact = 2.0 * np.hypot(0.35, 0.1) + 0.2
-    # each corner is cut by a part of the string at most: its detour is one of 1/PARTS by 0.14 rad
+    # each corner is cut by a part of the string at most: its detour is one of 1/SEGMENTS by 0.14 rad
     assert exact - 1e-3 < length < exact + 1e-4
-    assert way[PARTS // 2, 1] == pytest.approx(-0.1, abs=1e-3)
+    assert way[SEGMENTS // 2, 1] == pytest.approx(-0.1, abs=1e-3)
 
 
 def test_a_free_way_is_the_chord() -> None:
@@ -82,7 +82,7 @@ def test_every_way_past_a_box_is_found_once() -> None:
     bar = obstacle(BOX, (0.45, 0.0, 0.0), 0.05, 0.1, 5.0)  # endless along z: over it or under it
     found = taut_strings(END, np.array([bar]), 1.0)
     assert len(found) == 2
-    middles = sorted(float(r[PARTS // 2, 1]) for r in found)
+    middles = sorted(float(r[SEGMENTS // 2, 1]) for r in found)
     assert middles == pytest.approx([-0.1, 0.1], abs=1e-6)
     assert not taut_strings(END, np.array([bar]), 0.9)
 

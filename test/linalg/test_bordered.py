@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The saddle system of a rod, with few and with many borders, against dense linear algebra."""
+"""The saddle system of a rod, with few and with many constraint rows, against dense linear algebra."""
 
 from __future__ import annotations
 
@@ -99,10 +99,10 @@ def test_products_of_the_problem() -> None:
 
 
 def tangents(rod: Rod) -> Tangents:
-    return Tangents(rod.elastic, rod.geometric, rod.parts, rod.C)
+    return Tangents(rod.elastic, rod.geometric, rod.dchord, rod.C)
 
 
-def borders(rod: Rod, extra: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def constraint_rows(rod: Rod, extra: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """C and `extra` more rows V, their deltas, and the inner columns of V."""
     rng = np.random.default_rng([seed, extra])
     V = np.vstack([rod.C, rng.normal(size=(extra, rod.C.shape[1]))])
@@ -113,20 +113,20 @@ def borders(rod: Rod, extra: int, seed: int) -> tuple[np.ndarray, np.ndarray, np
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("extra", [0, 1, 4, 16])
 @pytest.mark.parametrize("force", [1.0, 60.0])
-def test_borders_with_a_compliance_are_springs(seed: int, extra: int, force: float) -> None:
+def test_constraint_rows_with_a_compliance_are_springs(seed: int, extra: int, force: float) -> None:
     rod, gradient = bent(seed, force)
     H, C, inner = matrices(rod)
-    V, delta, Vi = borders(rod, extra, seed)
+    V, delta, Vi = constraint_rows(rod, extra, seed)
     rows, n = 3 + extra, len(rod.elastic)
     Y, S = np.zeros((rows, n)), np.zeros((rows, rows))
     factors = bordered.Factors(rod.A, rod.L, rod.pivots, Y, S)
-    convex = bordered.border_factor(tangents(rod), 0.0, ORDER, factors, V, delta, rows, 3)
+    convex = bordered.kkt_factor(tangents(rod), 0.0, ORDER, factors, V, delta, rows, 3)
     sprung = H + sum((np.outer(v, v) / d for v, d in zip(Vi[3:], delta[3:], strict=True)), np.zeros_like(H))
     assert convex == positive_on_kernel(sprung, C)
 
     violation = np.random.default_rng(seed).normal(size=rows)
     s, y = np.empty(n), np.empty(rows)
-    bordered.border_step(gradient, violation, V, rows, ORDER, factors, s, y)
+    bordered.kkt_step(gradient, violation, V, rows, ORDER, factors, s, y)
     both = np.block([[H, -Vi.T], [Vi, np.diag(delta)]])
     expected = np.linalg.solve(both, -np.concatenate([gradient[inner], violation]))
     scale = CLOSE * np.abs(expected).max()

@@ -106,15 +106,15 @@ def test_spin_adds_twist_and_keeps_the_curve(turns: float) -> None:
     assert totals(spun)[4] - totals(q)[4] == pytest.approx(angle, abs=0.05)
 
 
-@pytest.mark.parametrize("hint", [None, -7.0, 0.0, 2.5, 12.0])
-def test_starts_begin_with_the_twist_nearest_to_the_hint(hint: float | None) -> None:
-    found = list(starts(NODES, END, CHORD, DOWN, hint))
+@pytest.mark.parametrize("target_twist", [None, -7.0, 0.0, 2.5, 12.0])
+def test_starts_begin_with_the_twist_nearest_to_the_target_twist(target_twist: float | None) -> None:
+    found = list(starts(NODES, END, CHORD, DOWN, target_twist))
     assert len(found) >= 6
     for q in found:
         assert q[0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=1e-14)
         assert abs(q[-1] @ END) == pytest.approx(1.0, abs=1e-13)
     twists = np.array([totals(q)[4] for q in found])
-    centre = 0.0 if hint is None else hint
+    centre = 0.0 if target_twist is None else target_twist
     # Possible twists of a curve are a turn apart, so one lies within half a turn (and a coarse mesh's 0.1).
     assert abs(twists[0] - centre) < np.pi + 0.1
     assert np.all(np.abs(twists - centre) < 2.2 * np.pi + 0.1)
@@ -144,18 +144,18 @@ def test_a_coiled_cable_starts_from_its_own_shape() -> None:
 
 
 @pytest.mark.parametrize("turns", [-2.0, 0.0, 1.0])
-def test_a_coiled_cable_starts_with_the_twist_nearest_to_the_hint(turns: float) -> None:
-    hint = NATURAL[2] + 2.0 * np.pi * turns + 0.5
-    twists = [totals(q)[4] for q in unloaded(NODES, helix(1.0), NATURAL, hint)]
+def test_a_coiled_cable_starts_with_the_twist_nearest_to_the_target_twist(turns: float) -> None:
+    target_twist = NATURAL[2] + 2.0 * np.pi * turns + 0.5
+    twists = [totals(q)[4] for q in unloaded(NODES, helix(1.0), NATURAL, target_twist)]
     around = NATURAL[2] + 2.0 * np.pi * (turns + np.array([0.0, 1.0, -1.0]))
     # The mesh resolves a helix of two turns and more an end to end to about 1e-3.
     assert twists == pytest.approx(around, abs=1e-2)
 
 
-@pytest.mark.parametrize("hint", [None, 4.0])
-def test_frames_along_a_string_follow_it_and_end_as_clamped(hint: float | None) -> None:
+@pytest.mark.parametrize("target_twist", [None, 4.0])
+def test_frames_along_a_string_follow_it_and_end_as_clamped(target_twist: float | None) -> None:
     way = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.4], [0.3, 0.0, 0.8], [0.0, 0.0, 1.2]])  # 0.5, 0.4, 0.5 long
-    q = along(way, NODES, END, hint, np.zeros(3))
+    q = along(way, NODES, END, target_twist, np.zeros(3))
     # the same rotation; its quaternion may have either sign
     assert abs(q[-1] @ END) == pytest.approx(1.0, abs=1e-12)
     assert q[0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=1e-12)

@@ -245,7 +245,7 @@ def test_a_start_ahead_is_on_the_polynomial_through_the_last_ones() -> None:
 
 
 def test_old_factors_serve_small_steps() -> None:
-    # Within REFRESH the factors stay: more corrections, the same equilibrium.
+    # Within REFACTOR the factors stay: more corrections, the same equilibrium.
     found = at_zero()
     q, F = found.q, found.F
     kept = 0
