@@ -122,12 +122,12 @@ class TrackedEquilibrium(CableModel):
 
     @property
     def _error(self) -> float:
-        """Estimated relative error of the end wrench, that of what friction remembers included."""
+        """Estimated relative error of the end wrench, with that of friction's history."""
         return max(self._estimate, 0.0 if self._memory is None else self._memory.error)
 
     @property
     def _remembers(self) -> bool:
-        """Whether anything is to be followed of how the equilibrium was come by."""
+        """Whether the motion since a loss, or since friction came from a grid, counts."""
         return self._standing.loss is not None or self._memory is not None
 
     def _alone(self, rod: Rod, free: float | None) -> bool:
@@ -258,12 +258,9 @@ class TrackedEquilibrium(CableModel):
         if found is None:
             return rod
         if rubs:
-            # where all slips, friction is told by the motion; what sticks has what the grid gave it
-            stuck = 0.0 if _slips(found.rod) else rod.unlike
-            error = max(
-                handover.apart(rod, found), stuck, 0.0 if self._memory is None else self._memory.error
-            )
-            self._memory = Memory(error)
+            # friction of points that slip follows from the motion; what sticks keeps the grid's error
+            error = max(handover.apart(rod, found), 0.0 if _slips(found.rod) else rod.twin_error)
+            self._memory = Memory(max(error, 0.0 if self._memory is None else self._memory.error))
         self._take(found, self._joints)
         self._estimate = np.inf
         return found.rod

@@ -27,7 +27,7 @@ from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 
 KEPT = 1e-3
-"""Relative change of all friction, as contacts change on a fresh mesh, that counts as none."""
+"""Maximum relative change of the total friction as contacts change on a new mesh."""
 DENSE = 20.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 

@@ -78,10 +78,10 @@ def scan(c, h, s0, samples, obstacles, phi):
 
 @njit(**OPTIONS)
 def press(shape, samples, obstacles, points, phi, stiffness):
-    """Make the deepest points of the cells about the samples contact points, on springs; returns their number.
+    """Put a contact point on a spring at the minimum gap of each sample's cell; returns their number.
 
-    Springs at the samples would let the cable hang on an edge between two of them. The energy of a cell's
-    deepest point is continuous, and its derivative is that at a fixed arc length.
+    With springs at the samples themselves, an edge between two of them would hold the cable. The energy of the
+    minimum is continuous, and its gradient is that at a fixed arc length (envelope theorem).
 
     Args:
         shape: `Shape`, as a plain tuple.
@@ -97,11 +97,11 @@ def press(shape, samples, obstacles, points, phi, stiffness):
             low, high = 0.5 * (samples[k - 1] + samples[k]), 0.5 * (samples[k] + samples[k + 1])
             if phi[o, k] >= 0.5 * (high - low):
                 continue
-            s = deepest_between(shape, low, high, obstacles[o], at)
+            s = minimum_between(shape, low, high, obstacles[o], at)
             depth = -gap_at(shape, s, obstacles[o], at)[0]
             phi[o, k] = min(phi[o, k], -depth)
             if depth > 0.0 and count < points.shape[0]:
-                # a minimum moves with the shape: the slope is held as at a contact point
+                # the minimum moves with the shape, which the row of a point's slope takes into account
                 count = add(points, count, o, s, POINT if low < s < high else SAMPLE)
                 points[count - 1, LENGTH], points[count - 1, NUMBER] = high - low, k
                 points[count - 1, FORCE] = stiffness * (high - low) * depth
@@ -109,7 +109,7 @@ def press(shape, samples, obstacles, points, phi, stiffness):
 
 
 @njit(**OPTIONS)
-def deepest_between(shape, low, high, obstacle, at):
+def minimum_between(shape, low, high, obstacle, at):
     """Arc length of the smallest gap between two arc lengths, if there is one minimum at most.
 
     Args:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction that goes over from a grid of contacts to contact points and patches."""
+"""Friction of a grid of contacts, interpolated to contact points and patches."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE, SLIPS
 
 REACH = 1.5
-"""Distance, cells, over which places of the grid tell the friction of a contact point: it has two at least."""
+"""Half width, cells, of the hat function that averages the grid's friction at a contact point."""
 
 
 class Friction(NamedTuple):
-    """Friction on c places of a grid."""
+    """Friction on c points of a grid."""
 
     cell: float
     """Length of a cell, L."""
-    places: np.ndarray
+    arc_lengths: np.ndarray
     """(c,) arc lengths, L."""
     obstacles: np.ndarray
     """(c,) which obstacle each is of."""
@@ -33,20 +33,19 @@ class Friction(NamedTuple):
 
     @staticmethod
     def of(rod: NodalRod) -> Friction:
-        places, _, normals, forces, obstacles, sliding, _ = rod.contacts()
+        arc_lengths, _, normals, forces, obstacles, sliding, _ = rod.contacts()
         normal = np.einsum("ca,ca->c", forces, normals)
-        return Friction(
-            1.0 / rod.cells, places, obstacles, normal, forces - normal[:, None] * normals, sliding
-        )
+        friction = forces - normal[:, None] * normals
+        return Friction(1.0 / rod.cells, arc_lengths, obstacles, normal, friction, sliding)
 
     def give(self, rod: ActiveSetRod) -> None:
-        """Give it to the contact points of `rod`: the same part of their normal forces as on the grid there.
+        """Give the contact points of `rod` friction in the grid's ratio to their normal forces.
 
-        Beside the end of a patch the grid spreads a force that acts at a point. So forces themselves would
-        not do: friction would be more than its limit on one side, and less on the other.
+        The grid spreads the force at the end of a patch over cells. So forces alone would not do: friction
+        would exceed its limit on one side of the end, and fall short of it on the other.
         """
         for point in rod.points[: rod.count]:
-            away = np.abs(self.places - point[ARC_LENGTH]) / self.cell
+            away = np.abs(self.arc_lengths - point[ARC_LENGTH]) / self.cell
             away[self.obstacles != int(point[OBSTACLE])] = np.inf
             near = np.maximum(1.0 - away / max(REACH, float(away.min(initial=np.inf)) + 1.0), 0.0)
             pressed = float(near @ self.normal)

@@ -22,8 +22,8 @@ NARROWEST = 0.12
 """Least distance of a boundary to its neighbours, fraction of the distance between them; of one at a point,
 half of how near they are, if that is less."""
 STRETCHED = 1.75
-"""Length of an element beside a boundary that comes to a point, over the longer one before: the nearest
-boundary leaves less, and one from farther off would leave an element too long for what it bends."""
+"""Maximum length of an element beside a boundary that moves to a point, over the longer of the two before: the
+nearest boundary leaves less; a farther one would leave an element too long for its curvature."""
 SHORTEST = 1e-3
 """Least distance to a boundary that another contact point owns, L."""
 

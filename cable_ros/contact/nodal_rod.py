@@ -69,9 +69,8 @@ class NodalRod(NodalSolver):
         self.tried = 0  # trials that found no exact equilibrium beside it, see `handover.exact`
         self.follows = False  # whether it is a twin, which takes the other's steps
         self._estimate = np.inf
-        self.unlike = 0.0
-        """Relative difference of its end wrench from the twin's, extrapolated, as it fades; without what
-        geometry alone tells: so far off friction may be."""
+        self.twin_error = 0.0
+        """Estimated relative error of the end wrench from the twin alone, without that of the geometry."""
 
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
@@ -155,7 +154,7 @@ class NodalRod(NodalSolver):
         error = float(relative_change(change, mine, self.least))
         beside = float(relative_change(lever, mine, self.least))
         before = FADING * self._estimate if np.isfinite(self._estimate) else 0.0
-        self.unlike = max(error, FADING * self.unlike)
+        self.twin_error = max(error, FADING * self.twin_error)
         # error by lumping the force of a cell in its middle
         lumped = float(np.linalg.norm(self.state.F[-1])) / (12.0 * self.cells**2)
         # and at least this error by edges that cut into it between two points

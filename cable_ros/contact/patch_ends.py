@@ -120,7 +120,7 @@ def shrink(points, count, spacing, depth):
             o, low = points[i, OBSTACLE], points[i, ARC_LENGTH]
             points[i, ARC_LENGTH], points[i, KIND] = low + 0.5 * length, POINT
             count = remove(points, count, j)
-            # its ends may just have moved past its samples: all up to the neighbouring patches are its own
+            # its ends may have moved past its samples: all up to the neighbouring patches are its own
             before, after = 0.0, 1.0
             for k in range(count):
                 s = points[k, ARC_LENGTH]

@@ -218,7 +218,7 @@ def make_patch(points, count, o, low, high):
 
 @njit(**OPTIONS)
 def join(points, count, length):
-    """Make points of the patches that are shorter than `length`, L, where their force is; the number of points.
+    """Replace patches shorter than `length`, L, by points at their centre of force; the number of points.
 
     `points` (CAPACITY, COLUMNS) holds `count` contact points.
     """

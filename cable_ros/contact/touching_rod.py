@@ -22,7 +22,7 @@ from cable_ros.rod.kirchhoff import Rod
 from cable_ros.solve.trust_region import Options
 
 SHORT = 50
-"""Most iterations of a descent with the stiffer springs: what falls far slides over softer ones in fewer."""
+"""Maximum number of iterations with stiff springs: a cable that snaps far needs fewer with soft ones."""
 
 
 class TouchingRod(ActiveSetRod):
