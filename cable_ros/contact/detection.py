@@ -77,7 +77,7 @@ def scan(c, h, s0, samples, obstacles, phi):
 
 
 @njit(**OPTIONS)
-def press(shape, samples, obstacles, points, phi, stiffness):
+def press(shape, samples, obstacles, points, phi, stiffness, minima):
     """Put a contact point on a spring at the minimum gap of each sample's cell; returns their number.
 
     With springs at the samples themselves, an edge between two of them would hold the cable. The energy of the
@@ -88,6 +88,7 @@ def press(shape, samples, obstacles, points, phi, stiffness):
         samples, obstacles, phi: as in `scan`.
         points: (CAPACITY, COLUMNS) the contact points, overwritten.
         stiffness: of the springs per length, EI / L^4.
+        minima: whether at the minimum; else at the sample.
     """
     shape, at = shape_of(shape), surface()
     scan(shape.c, shape.grid.h, shape.grid.s0, samples, obstacles, phi)
@@ -95,14 +96,16 @@ def press(shape, samples, obstacles, points, phi, stiffness):
     for o in range(obstacles.shape[0]):
         for k in range(1, samples.shape[0] - 1):
             low, high = 0.5 * (samples[k - 1] + samples[k]), 0.5 * (samples[k] + samples[k + 1])
-            if phi[o, k] >= 0.5 * (high - low):
+            if phi[o, k] >= (0.5 * (high - low) if minima else 0.0):
                 continue
-            s = minimum_between(shape, low, high, obstacles[o], at)
-            depth = -gap_at(shape, s, obstacles[o], at)[0]
-            phi[o, k] = min(phi[o, k], -depth)
+            s, depth = samples[k], -phi[o, k]
+            if minima:
+                s = minimum_between(shape, low, high, obstacles[o], at)
+                depth = -gap_at(shape, s, obstacles[o], at)[0]
+                phi[o, k] = min(phi[o, k], -depth)
             if depth > 0.0 and count < points.shape[0]:
                 # the minimum moves with the shape, which the row of a point's slope takes into account
-                count = add(points, count, o, s, POINT if low < s < high else SAMPLE)
+                count = add(points, count, o, s, POINT if minima and low < s < high else SAMPLE)
                 points[count - 1, LENGTH], points[count - 1, NUMBER] = high - low, k
                 points[count - 1, FORCE] = stiffness * (high - low) * depth
     return count

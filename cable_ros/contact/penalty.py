@@ -35,10 +35,11 @@ class PenaltyProblem:
     Args:
         rod: the rod, whose contact points it overwrites.
         stiffness: of the springs per length, EI / L^4.
+        minima: see `press`.
     """
 
-    def __init__(self, rod: ActiveSetRod, stiffness: float) -> None:
-        self.rod, self.stiffness = rod, stiffness
+    def __init__(self, rod: ActiveSetRod, stiffness: float, minima: bool) -> None:
+        self.rod, self.stiffness, self.minima = rod, stiffness, minima
         self.phi = np.empty((0 if rod.obstacles is None else len(rod.obstacles), len(rod.samples)))
         self.retract, self.derivative, self.norm = rod.retract, rod.derivative, rod.norm
         self.normal_step = rod.normal_step
@@ -47,7 +48,9 @@ class PenaltyProblem:
         """Set the rod's contact points to what is inside at x; returns the springs' energy."""
         rod = self.rod
         rod.trace(x)
-        rod.count = press(rod.shape(x), rod.samples, rod.obstacles, rod.points, self.phi, self.stiffness)
+        rod.count = press(
+            rod.shape(x), rod.samples, rod.obstacles, rod.points, self.phi, self.stiffness, self.minima
+        )
         springs = rod.points[: rod.count]
         return 0.5 * float((springs[:, FORCE] ** 2 / springs[:, LENGTH]).sum()) / self.stiffness
 

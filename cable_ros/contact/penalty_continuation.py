@@ -70,7 +70,7 @@ def _descend(
         rod.count = 0
         if taut:
             rod.densify(DENSITIES[stage])
-        soft = PenaltyProblem(rod, stiffness)
+        soft = PenaltyProblem(rod, stiffness, first > 0)
         most = max(1, int(min(options.iterations, rod.work / (SOFT * rod.elastic.shape[0]))))
         result = minimize(soft, q, F, replace(options, iterations=most))
         total += result.iterations
