@@ -154,7 +154,7 @@ class TrackedEquilibrium(CableModel):
         assert rod is not None
         if isinstance(rod, NodalRod):
             self._estimate = rod.relative_error(self._q, self._F)
-            rod = self._exactly(rod)
+            rod = self._exactly(rod, status)
         elif self._longer:
             self._longer -= 1
         if isinstance(rod, NodalRod):
@@ -240,12 +240,15 @@ class TrackedEquilibrium(CableModel):
             self._stays = max(self._stays, 1)  # not back at once
         return on_grid is not None
 
-    def _exactly(self, rod: NodalRod) -> Rod:
+    def _exactly(self, rod: NodalRod, status: Status) -> Rod:
         """The equilibrium without the grid's error, if one is found beside it; else the rod as it is.
 
-        With friction, it is tried less and less often the sooner the cable was on its grid again.
+        With friction, this is tried only at poses that are asked for, and less and less often the sooner the
+        cable was on its grid again.
         """
         rubs = self._model == COULOMB and rod.touches
+        if rubs and (status is Status.UNFINISHED or self._passing):
+            return rod
         if rubs and self._stays > 0:
             self._stays -= 1
             return rod

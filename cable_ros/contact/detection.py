@@ -80,8 +80,8 @@ def scan(c, h, s0, samples, obstacles, phi):
 def press(shape, samples, obstacles, points, phi, stiffness, minima):
     """Put a contact point on a spring at the minimum gap of each sample's cell; returns their number.
 
-    With springs at the samples themselves, an edge between two of them would hold the cable. The energy of the
-    minimum is continuous, and its gradient is that at a fixed arc length (envelope theorem).
+    With springs at the samples themselves, an edge between two of them would hold the cable. The energy of
+    the minimum is continuous, and its gradient is that at a fixed arc length (envelope theorem).
 
     Args:
         shape: `Shape`, as a plain tuple.

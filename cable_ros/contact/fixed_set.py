@@ -81,6 +81,9 @@ class FixedSetRod(Rod):
         self.model = FRICTIONLESS
         # descents that are left for steps that fail, see `penalty_continuation.descend_instead`
         self.patience = 0
+        self._mesh_stays = self._next_stay = (
+            0  # steps that keep the mesh after another failed; the same next time
+        )
         self.seen: list[np.ndarray] | None = None  # states that a search with several starts has found
         self.direction = np.zeros(3)  # see `contact_state.History`
         self.points = np.zeros((CAPACITY, COLUMNS))

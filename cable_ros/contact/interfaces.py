@@ -21,9 +21,9 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 NARROWEST = 0.12
 """Least distance of a boundary to its neighbours, fraction of the distance between them; of one at a point,
 half of how near they are, if that is less."""
-STRETCHED = 1.75
-"""Maximum length of an element beside a boundary that moves to a point, over the longer of the two before: the
-nearest boundary leaves less; a farther one would leave an element too long for its curvature."""
+STRETCHED, LONG = 1.75, 0.25
+"""Maximum length of an element beside a boundary that moves to a point: over the longer of the two before,
+and L. The nearest boundary leaves less; a farther one may leave an element too long for its curvature."""
 SHORTEST = 1e-3
 """Least distance to a boundary that another contact point owns, L."""
 
@@ -165,7 +165,7 @@ def own_interface(points, count, i, h, s0):
         low, high = s0[b - 1], s0[b] + h[b]
         away = abs(s - s0[b])
         before, after = room(points, count, i, b, h)
-        longest = STRETCHED * max(h[b - 1], h[b])
+        longest = max(STRETCHED * max(h[b - 1], h[b]), LONG)
         there = away < 1e-9 or (
             max(low + 1.5 * before, high - longest) < s < min(high - 1.5 * after, low + longest)
         )
