@@ -105,7 +105,7 @@ class TrackedEquilibrium(CableModel):
         rod, loss = self._rod, self._standing.loss
         assert rod is not None
         assert loss is not None
-        touching = touches(rod)
+        touching = rod.touches
         loss = loss.followed(motion(before, conditions_of(rod)), touching and _slips(rod), step)
         if loss.forgotten or (not touching and loss.due and self._alone(rod, free(loss))):
             self._standing = Standing()
@@ -279,10 +279,6 @@ class TrackedEquilibrium(CableModel):
 def conditions_of(rod: Rod) -> Conditions:
     """The conditions of the rod's last equilibrium."""
     return Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-
-
-def touches(rod: Rod) -> bool:
-    return (isinstance(rod, TouchingRod) and rod.count > 0) or (isinstance(rod, NodalRod) and rod.touches)
 
 
 def _slips(rod: Rod) -> bool:
