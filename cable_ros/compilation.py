@@ -25,6 +25,7 @@ import warnings
 from collections.abc import Callable
 from functools import cache as memoized
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,7 +34,12 @@ import numba
 from numba.core.types.misc import unliteral
 
 PACKAGE = Path(__file__).parent
-LEAF: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+INNER: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cpython_wrapper": True}
+"""Options of functions that only compiled functions call: they have no entry for Python, whose conversion of
+the arguments is often more code than the function."""
+LEAF_ENTRY: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+"""Options of `LEAF` functions that Python calls as well."""
+LEAF: dict[str, Any] = LEAF_ENTRY | INNER
 """Options of functions that make no arrays and return none, all that are called often and briefly: they are
 copied into their callers.
 
@@ -67,6 +73,8 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         if dispatcher is function:  # NUMBA_DISABLE_JIT
             return function
         _take_literals_as_others(dispatcher)
+        if options.get("no_cpython_wrapper"):
+            _enter_through_another(dispatcher)
         _link(dispatcher, copied)
         cache = getattr(dispatcher, "_cache", None)  # none without caching
         file = getattr(cache, "_cache_file", None)
@@ -104,6 +112,27 @@ def _take_literals_as_others(dispatcher: Any) -> None:
     dispatcher.get_call_template = get_call_template
 
 
+def _enter_through_another(dispatcher: Any) -> None:
+    """Calls from Python, as in tests, go through a function compiled for that in each process."""
+
+    @memoized
+    def entry() -> Any:
+        names = ", ".join(signature(dispatcher.py_func).parameters)
+        return numba.njit(eval(f"lambda {names}: inner({names})", {"inner": dispatcher}))
+
+    def add_overload(compiled: Any) -> None:
+        # Compiled callers look here; the inherited method would show it to Python as well.
+        dispatcher.overloads[tuple(compiled.signature.args)] = compiled
+
+    def compile_for_python(*arguments: Any) -> Any:
+        types = tuple(dispatcher.typeof_pyval(one) for one in arguments)
+        compiled = entry().compile(types)
+        dispatcher._insert([one._code for one in types], compiled, False)
+        return compiled
+
+    dispatcher.add_overload, dispatcher._compile_for_args = add_overload, compile_for_python
+
+
 def _link(dispatcher: Any, copied: bool) -> None:
     """Note what new code calls; unless it is `copied`, give its callers nothing but its name."""
     inherited = dispatcher.add_overload
@@ -116,16 +145,20 @@ def _link(dispatcher: Any, copied: bool) -> None:
             function = dispatcher.py_func
             arguments = tuple(compiled.signature.args)
             _CALLEES[symbol] = Callee(function.__module__, function.__name__, arguments)
-            library._shared_module = _names_only(library, compiled.fndesc.llvm_cpython_wrapper_name)
+            inner = dispatcher.targetoptions.get("no_cpython_wrapper", False)
+            entry = "" if inner else compiled.fndesc.llvm_cpython_wrapper_name
+            library._shared_module = _names_only(library, entry)
         inherited(compiled)
 
     dispatcher.add_overload = add_overload
 
 
 def _names_only(library: Any, entry: str) -> Any:
-    """A module for callers to link, without code; Numba looks in it for `entry`, which Python calls."""
+    """A module for callers to link, without code; Numba looks in it for the `entry` from Python, if any."""
     module = str(library.codegen._create_empty_module(library.name))
-    return llvm.parse_assembly(f'{module}\ndefine available_externally void @"{entry}"() {{ ret void }}')
+    if entry:
+        module += f'\ndefine available_externally void @"{entry}"() {{ ret void }}'
+    return llvm.parse_assembly(module)
 
 
 def _is_here(symbol: str, callee: Callee) -> bool:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -10,6 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cable_ros import compilation
@@ -120,6 +122,69 @@ def test_a_literal_argument_gets_no_code_of_its_own():
 
     assert outer(4) == 14
     assert len(inner.signatures) == 1
+
+
+def test_a_function_without_an_entry_is_called_from_python_and_by_others():
+    @compilation.njit(**{**compilation.INNER, "cache": False})
+    def inner(x, count):
+        return count * x[0], x[1]
+
+    @compilation.njit()
+    def outer(x):
+        a, b = inner(x, 3)
+        return a + b
+
+    x = np.array([1.0, 4.0])
+    assert outer(x) == 7.0
+    assert inner(x, 2) == (2.0, 4.0)
+    assert inner(x, 5) == (5.0, 4.0)
+    assert inner(x, 0.5) == (0.5, 4.0)
+    (compiled,) = (one for one in inner.overloads.values() if "int64" in str(one.signature.args[1]))
+    names = {function.name for function in compiled.library._final_module.functions}
+    assert compiled.fndesc.llvm_func_name in names
+    assert compiled.fndesc.llvm_cpython_wrapper_name not in names
+
+
+def _kernels():
+    """The options' name of each compiled function of the package, by module and name."""
+    for path in PACKAGE.rglob("*.py"):
+        module = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+        for one in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(one, ast.FunctionDef):
+                for decorator in map(ast.unparse, one.decorator_list):
+                    if decorator.startswith("njit("):
+                        yield (module, one.name), decorator
+
+
+def _named_outside_kernels(path, kernels):
+    """Compiled functions that the file's Python code names."""
+    module = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    known = {name: (module, name) for (home, name) in kernels if home == module}
+    for one in ast.walk(tree):
+        if isinstance(one, ast.ImportFrom):
+            known |= {alias.asname or alias.name: (one.module, alias.name) for alias in one.names}
+    found, waiting = set(), list(tree.body)
+    while waiting:
+        one = waiting.pop()
+        if isinstance(one, ast.FunctionDef) and (module, one.name) in kernels:
+            continue
+        if isinstance(one, ast.Name):
+            found.add(known.get(one.id))
+        elif isinstance(one, ast.Attribute) and isinstance(one.value, ast.Name) and one.value.id in known:
+            found.add((".".join(known[one.value.id]), one.attr))
+        waiting += ast.iter_child_nodes(one)
+    return found & kernels.keys()
+
+
+def test_what_python_calls_has_an_entry():
+    """Without one each process would compile one at the first call."""
+    kernels = dict(_kernels())
+    inner = {name for name, options in kernels.items() if "INNER" in options or "**LEAF)" in options}
+    assert len(inner) > 50
+    called = set().union(*(_named_outside_kernels(path, kernels) for path in PACKAGE.rglob("*.py")))
+    assert len(called) > 50
+    assert inner & called == set()
 
 
 def test_sources_are_followed_through_all_imports():

@@ -152,9 +152,9 @@ class Bench:
             return f"cable_ros at {TIGHT:.0e}, since the baselines do not know all of the scene's effects"
         alone = f"; {self.unverified} more are cable_ros's alone" if self.unverified else ""
         friction = any(obstacle.friction for obstacle in self.scene.obstacles)
-        told = ", with friction as told," if friction else ""
+        of_friction = ", with the friction forces of cable_ros," if friction else ""
         return (
-            f"integration of the rod's equations{told} and cable_ros at {TIGHT:.0e} agree within "
+            f"integration of the rod's equations{of_friction} and cable_ros at {TIGHT:.0e} agree within "
             f"{self.agreement:.1e} at {self.verified} poses{alone}"
         )
 

@@ -62,8 +62,9 @@ def figure(rows: Sequence[Row], title: str, facts: Mapping[str, str]) -> Figure:
         _curves(cables, rows, "cables", "cables in the scene", "Number of cables")
         about = ", ".join(f"{name} {fact}" for name, fact in facts.items() if name != "references")
         picture.supxlabel(
-            "Below: cable_ros at its default tolerance of 1e-4, and solve_bvp at 1e-3; warm. Medians of the "
-            f"time per equilibrium, one thread.\nReferences: {facts.get('references', '')}. {about}.",
+            "Below: cable_ros at its default tolerance of 1e-4, and solve_bvp, if shown, at 1e-3; warm. "
+            "Medians of the time per equilibrium, one thread.\n"
+            f"References: {facts.get('references', '')}. {about}.",
             x=0.01,
             ha="left",
             fontsize=8.5,

@@ -24,7 +24,7 @@ from cable_ros.branch.continuation import End, continue_branch
 from cable_ros.branch.property_change import Section, follow, with_section
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
 from cable_ros.branch.standing import Loss
-from cable_ros.branch.tracked_equilibrium import conditions_of, touches
+from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.nodal_rod import STEP, NodalRod
 from cable_ros.contact.touching_rod import TouchingRod
@@ -222,7 +222,7 @@ class CableTracker(SearchedEquilibrium):
         spare = copy.deepcopy(rod)
         if rod.refactor(self._q, self._F):
             found = Found.at(rod, self._q, self._F)
-            if not touches(rod):
+            if not rod.touches:
                 # a coarser mesh may do
                 other = on_mesh(found, better_mesh(rod, rod.relative_error(self._q, self._F), tolerance))
                 found = found if other is None or abs(other.twist - found.twist) > SAME_TWIST else other

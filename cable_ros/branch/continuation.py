@@ -135,7 +135,8 @@ def continue_branch(
 ) -> Continuation:  # fmt: skip
     """Continue the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
-    A step is halved until the warm-started solve converges. If even the smallest step fails, the cable snaps
+    The predictor extrapolates the last equilibria, see `warm_step.advance`; Newton's method corrects it.
+    A step is halved until that converges. If even the smallest step fails, the cable snaps
     to the next stable equilibrium (`snap_through`). The continuation ends unfinished if the rod has no `work`
     left. A rod that fails is replaced by its `fallback`, if it has one, before steps become tiny.
 

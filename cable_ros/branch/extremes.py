@@ -17,7 +17,6 @@ from cable_ros.limits import QUANTITIES, Extreme
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import integrals, reference_element
-from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import NO_LINES, Rod
 from cable_ros.rod.resultants import CURVATURE, TENSION, TWIST, Law, Loads, Shape, centreline, largest
 from cable_ros.rod.units import Units
@@ -52,7 +51,7 @@ def extremes(
     """
     arc_lengths, forces = point_forces(rod)
     loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), arc_lengths, forces)
-    compliance = rod.compliance if isinstance(rod, StretchingRod) else np.zeros(3)
+    compliance = rod.compliance
     mesh = rod.h.copy(), rod.s0.copy(), rod.mesh.element.order
     law = Law(rod.K, rod.natural)
     return partial(_found, q.copy(), mesh, law, compliance, loads, start.copy(), unit, limits, obstacles)

@@ -13,7 +13,6 @@ from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.equilibrium import Modes
 from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import quaternion
-from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
 from cable_ros.rod.vibration import Motion, dense, lowest, mass, motion, strain_stiffness
@@ -70,7 +69,7 @@ def no_modes(count: int, points: int, frequency: float) -> Modes:
 def _problem(rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Motion, np.ndarray, np.ndarray]:
     """The rod's kinematics, its Hessian (N, N), and the constraint rows (r, N) of clamps and contacts."""
     rod.refactor(q, F)
-    compliance = rod.compliance if isinstance(rod, StretchingRod) else np.zeros(3)
+    compliance = rod.compliance
     gauss = rod.s0[:, None] + rod.h[:, None] * rod.mesh.element.points
     moved = motion(q, rod.mesh, compliance, F + (1.0 - gauss)[:, :, None] * rod.f)
     n, size = len(rod.elastic), moved.starts.shape[2]

@@ -128,7 +128,7 @@ class Tangent:
         scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2 + len(moving))
         if not moving:
             response = copy.clamp_stiffness(q, F)
-        elif (isinstance(copy, TouchingRod) and copy.count) or (isinstance(copy, NodalRod) and copy.touches):
+        elif isinstance(copy, TouchingRod | NodalRod) and copy.touches:
             response = copy.wrench_response(q, F, [names.index(name) for name in moving])
         else:
             response = np.zeros((len(scale_wrench), len(scale_wrench)))

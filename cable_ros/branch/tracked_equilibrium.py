@@ -108,7 +108,7 @@ class TrackedEquilibrium(CableModel):
         """
         rod, loss = self._rod, self._standing.loss
         assert rod is not None
-        touching = touches(rod)
+        touching = rod.touches
         if self._memory is not None:
             gone = motion(before, conditions_of(rod))
             self._memory = self._memory.followed(gone, touching, touching and _slips(rod), step)
@@ -321,10 +321,6 @@ class TrackedEquilibrium(CableModel):
 def conditions_of(rod: Rod) -> Conditions:
     """The conditions of the rod's last equilibrium."""
     return Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-
-
-def touches(rod: Rod) -> bool:
-    return (isinstance(rod, TouchingRod) and rod.count > 0) or (isinstance(rod, NodalRod) and rod.touches)
 
 
 def _slips(rod: Rod) -> bool:

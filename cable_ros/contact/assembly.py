@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.contact_state import PointTerms, surface
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, across, pull
 from cable_ros.contact.friction_kernels import (
@@ -53,15 +53,13 @@ from cable_ros.rod.centreline import (
 from cable_ros.rod.centreline import shape as shape_functions
 from cable_ros.rod.energy_kernels import gradient, hessian
 
-OPTIONS = {"cache": True, "error_model": "numpy"}
-
 STIFFER = 1.5
 """Maximum ratio, or its inverse, of friction's stiffness to that in the constraint rows that still serve."""
 FAINT = 1e-9
 """EI / L^2; a point with less force than this turns no force by its motion."""
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def point_forces(shape, F, contacts, count, Fe, acc):
     """Internal force and moments of the contact points.
 
@@ -101,7 +99,7 @@ def point_forces(shape, F, contacts, count, Fe, acc):
                     acc[e * order + j, a] += N[k, j] * gT[a]
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def assemble_kkt(shape, forces, section, obstacles, history, contacts, count, kkt, full, initial):
     """Right-hand side and, if `full`, matrix of the system with `count` contact points.
 
@@ -140,7 +138,7 @@ def assemble_kkt(shape, forces, section, obstacles, history, contacts, count, kk
     return total, same, flips
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def point_terms(size):
     """New `PointTerms` of `size` contact points, all zero."""
     return PointTerms(
@@ -149,7 +147,7 @@ def point_terms(size):
     )  # fmt: skip
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
     """Gaps, normals and friction of the contact points; the number of those that began to stick or to slip.
 
@@ -191,7 +189,7 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
     return flips
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def update_constraints(contacts, count, terms, rows):
     """The constraints after the gaps, for constraint rows that are kept.
 
@@ -215,7 +213,7 @@ def update_constraints(contacts, count, terms, rows):
     return as_stiff
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
     """Constraint rows of all contact points, and what their forces add to the geometric stiffness.
 
@@ -375,7 +373,7 @@ def row(V, at, v, by_position):
         V[at, j] = v[0] * by_position[0, j] + v[1] * by_position[1, j] + v[2] * by_position[2, j]
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def nodal(q, acc, out):
     """The pull acc (n, 4) at the nodal quaternions q (n, 4) as moments out (3n,)."""
     for i in range(q.shape[0]):

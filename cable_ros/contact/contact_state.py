@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.linalg.bordered import Factors
 from cable_ros.rod.rod_state import ConstraintRows, Evaluation, Grid, Tangents, grid_of
 
@@ -141,10 +141,7 @@ class PointTerms(NamedTuple):
     """(k, 3) how far the spring of what sticks is off its force, L."""
 
 
-OPTIONS = {"cache": True, "error_model": "numpy"}
-
-
-@njit(**OPTIONS)
+@njit(**INNER)
 def surface() -> Surface:
     """A new `Surface`."""
     return Surface(np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3)), np.empty(2))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import shape_of, surface
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, gap
 from cable_ros.contact.interfaces import gap_at, lowest
@@ -111,7 +111,7 @@ def press(shape, samples, obstacles, points, phi, stiffness, minima):
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def minimum_between(shape, low, high, obstacle, at):
     """Arc length of the smallest gap between two arc lengths, if there is one minimum at most.
 
@@ -128,7 +128,7 @@ def minimum_between(shape, low, high, obstacle, at):
     return lowest(shape, 0.5 * (low + high), 0.5 * (high - low), obstacle)
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def flatten(shape, spacing, obstacles, give, points, count):
     """Make patches of the points beside which the cable, more curved than the surface, dips too deep.
 
@@ -167,7 +167,7 @@ def flatten(shape, spacing, obstacles, give, points, count):
     return changed, count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def ridge(shape, s, spacing, obstacle):
     """Arc length of a maximum of the gap near s between two minima, its curvature, and the room beside it.
 
@@ -215,7 +215,7 @@ def far(samples, k, phi):
     )
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def minimum_beside(shape, samples, k, obstacle, down):
     """Arc length of a minimum of the gap that is nearer to sample k than to others; -1: none.
 
@@ -248,7 +248,7 @@ def minimum_beside(shape, samples, k, obstacle, down):
     return lowest(shape, 0.5 * (low + high), 0.5 * (high - low), obstacle), up
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def update_active_set(shape, samples, obstacles, depth, give, points, count, phi):
     """Update the active set at a solution: drop what pulls, add what is inside an obstacle.
 
@@ -329,7 +329,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
     return changed, count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def sampled(points, count, o, g):
     """Whether sample g presses on obstacle o; `points`, `count`: as in `update_active_set`."""
     for i in range(count):
@@ -338,7 +338,7 @@ def sampled(points, count, o, g):
     return False
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def nearest(points, count, o, s, reach):
     """The point or end of a patch on obstacle o nearest to s, within `reach`, L; or -1.
 

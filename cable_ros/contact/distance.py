@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import LEAF, LEAF_ENTRY, njit
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import tangent
 
@@ -21,7 +21,7 @@ POSE = slice(CENTRE, DIMENSIONS)
 """Columns of centre and rotation matrix."""
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def gap(obstacle, r, n, directions, bends):
     """Distance from a point to the obstacle's surface, less the offset; negative inside.
 
@@ -125,7 +125,7 @@ def gap(obstacle, r, n, directions, bends):
     return distance - obstacle[OFFSET]
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def across(n, directions):
     """`directions` (2, 3): unit vectors across n (3,), continuous but at n = -z (Duff et al. 2017)."""
     sign = 1.0 if n[2] >= 0.0 else -1.0

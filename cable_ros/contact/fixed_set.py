@@ -202,6 +202,10 @@ class FixedSetRod(Rod):
         """Maximum length, L, of an element along a patch; friction is less smooth than pressure."""
         return FRICTION_SHORTENS * self.spacing if self.model == COULOMB else self.spacing
 
+    @property
+    def touches(self) -> bool:  # type: ignore[override]
+        return self.count > 0
+
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
         """(m,) which elements are too long to stay clear of the obstacles between the samples; see `give`."""
         if not self.count:

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import INNER, njit
 from cable_ros.contact.distance import AXES, CENTRE
 from cable_ros.contact.points import FORCE, FRICTION, SLIPS
-
-OPTIONS = {"cache": True, "error_model": "numpy"}
 
 DIRECTION, ACROSS, STIFFNESS, TANGENT = 0, 3, 6, 7
 """Slots of a tangent of friction: direction of the slip force (3), direction across it (3), stiffness across;
@@ -27,7 +25,7 @@ STICK = 1e8
 """Stiffness of stick, EI / L^3: what sticks moves by 1e-8 L per unit of force."""
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def update_friction(points, i, at, mu, history, step, turned, initial, limit):
     """Friction on contact point i after an increment over the obstacle, written to `points`.
 
@@ -108,7 +106,7 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
     return not slips
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def carry(old, new, r, v):
     """Move the position r (3,) and turn the vector v (3,) with an obstacle, from `old` to `new` (WIDTH,)."""
     y, w = np.zeros(3), np.zeros(3)

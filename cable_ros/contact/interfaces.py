@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import gap
 from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT, SAMPLE
 from cable_ros.rod.centreline import curve, direction, position
 from cable_ros.rod.centreline import shape as shape_functions
-
-OPTIONS = {"cache": True, "error_model": "numpy"}
 
 NARROWEST = 0.12
 """Least distance of a boundary to its neighbours, fraction of the distance between them; of one at a point,
@@ -55,7 +53,7 @@ def gap_at(shape, s, obstacle, at):
     return value, slope, curvature
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def lowest(shape, s, reach, obstacle):
     """The arc length of the gap's minimum near s, at most `reach` away, by safeguarded Newton steps.
 
@@ -103,7 +101,7 @@ def room(points, count, one, boundary, h):
     return before, after
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def move_interface(q, grid, boundary, s, before, after):
     """Move the boundary between two elements to an arc length; the shape stays, its nodes move.
 
@@ -152,7 +150,7 @@ def move_interface(q, grid, boundary, s, before, after):
     return True
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def own_interface(points, count, i, h, s0):
     """Give contact point i the nearest free boundary that can move to it, or none; whether it has one.
 
@@ -180,7 +178,7 @@ def own_interface(points, count, i, h, s0):
     return best >= 0
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def place_points(shape, obstacles, spacing, points, count):
     """Move the points to their gap's minimum, and boundaries to them and to the ends of patches.
 

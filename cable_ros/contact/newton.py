@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import INNER, njit
 from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
 from cable_ros.contact.detection import flatten, update_active_set
@@ -40,7 +40,7 @@ MOST_IN_ALL = 250
 """Beyond this many iterations the active set is assumed to cycle."""
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def skew_factor(kkt, count, order):
     """`kkt_factor` where multipliers act along W, constraints read V; says nothing about stability.
 
@@ -215,7 +215,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     return NOT_CONTRACTING, total, count, total_rows, moved, rotation
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def correct_forces(points, count, y, lines, F):
     """Add the multipliers of a step to the forces.
 

@@ -111,8 +111,7 @@ class NodalContacts(Rod):
         return 0.5 * len(self.elastic)
 
     @property
-    def touches(self) -> bool:
-        """Whether it presses on anything."""
+    def touches(self) -> bool:  # type: ignore[override]
         return bool(self.state.lam.any())
 
     def set_conditions(

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.distance import AXES, CENTRE, FRICTION_COEFFICIENT, across, gap
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import LANES
@@ -78,7 +78,7 @@ def carry_history(r, frames, old, new, carried, turned):
                 turned[k, o, i] = v
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def tangent_frame(n, reference, d):
     """d (2, 3) receives unit vectors across n (3,), the first along the part of `reference` (3,) across n."""
     along = reference[0] * n[0] + reference[1] * n[1] + reference[2] * n[2]
@@ -201,7 +201,7 @@ def residuals(state, model, step, work):
     press(state, step, work)
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def press(state, step, work):
     """The contacts' part of `residuals`; `state`, `step`, `work` as there."""
     r, lam, tau, obstacles = state.r, state.lam, state.tau, step.obstacles

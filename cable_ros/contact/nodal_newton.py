@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import INNER, njit
 from cable_ros.contact.nodal_kernels import residuals
 from cable_ros.contact.nodal_tangent import jacobian
 from cable_ros.linalg.band_lu import band_factor, band_solve
@@ -23,7 +23,7 @@ FARTHER = 3.0
 """Maximum extrapolation, in lengths of the last step."""
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def move(state, b, part, rows, new):
     """The `State` new = state + part * b, with the step b (unknowns,) numbered by `rows` (`Rows`)."""
     q, r, F, lam, tau = state

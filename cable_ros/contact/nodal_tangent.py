@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import INNER, njit
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.nodal_kernels import (
     OPEN,
@@ -28,7 +28,7 @@ from cable_ros.rod.energy_kernels import hessian
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def number(near, order, rows):
     """Number the unknowns boundary by boundary; returns how many, and the bandwidth below the diagonal.
 

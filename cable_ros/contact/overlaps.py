@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import LEAF, LEAF_ENTRY, njit
 from cable_ros.equilibrium import Equilibrium, Overlap
 from cable_ros.scene import Cable
 
@@ -98,7 +98,7 @@ def _between(a, m, b, n):  # type: ignore[no-untyped-def]
     return np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def _apart(poses, i, k):  # type: ignore[no-untyped-def]
     """Distance of the middles between the clamps of cables i and k, with `poses` (cables, 2, 7)."""
     d = 0.0

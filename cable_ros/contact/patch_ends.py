@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import INNER, njit
 from cable_ros.contact.patches import SAMPLES, cover, grounded, sample_place
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -29,8 +29,6 @@ from cable_ros.contact.points import (
     remove,
 )
 
-OPTIONS = {"cache": True, "error_model": "numpy"}
-
 STRIDE = 2.0
 """Maximum motion of an end in an iteration, in spacings of the samples."""
 ROOM = 0.45
@@ -42,7 +40,7 @@ FAINT = 1e-3
 """Force, EI / L^2, below which its lever is taken for that of this force."""
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def move_ends(points, count, y, spacing):
     """Move points and ends of patches to where no couple holds them; returns the largest motion, L.
 
@@ -82,7 +80,7 @@ def move_ends(points, count, y, spacing):
     return largest
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def neighbour(points, count, i, kind):
     """The next end of a patch after point i on its obstacle, if it is of this kind; else -1.
 
@@ -100,7 +98,7 @@ def neighbour(points, count, i, kind):
     return best if best >= 0 and points[best, KIND] == kind else -1
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def shrink(points, count, spacing, depth):
     """Turn patches that are so short that they hardly dip into points.
 
@@ -133,7 +131,7 @@ def shrink(points, count, spacing, depth):
     return changed, count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def settle(c, h, s0, points, count, spacing, obstacles, depth):
     """Change the patches at a solution.
 
@@ -179,7 +177,7 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
     return changed or lifted, count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def clear(points, count, o, low, high):
     """Drop the samples on obstacle o between the arc lengths low and high; returns the number of points.
 
@@ -194,7 +192,7 @@ def clear(points, count, o, low, high):
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def lift_off(points, count, h, s0, obstacles):
     """Remove the samples that pull; a patch ends where several do.
 
@@ -244,7 +242,7 @@ def lift_off(points, count, h, s0, obstacles):
     return changed, count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def lift(points, count, o, s, low, high):
     """Let the cable lift off about s; a patch's end becomes a point if no sample presses beside it.
 
@@ -266,7 +264,7 @@ def lift(points, count, o, s, low, high):
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def end_beside(points, count, o, s, kind):
     """The end of a patch on obstacle o that is next to s, before it (FIRST) or after it (LAST); or -1.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import INNER, njit
 from cable_ros.contact.distance import gap
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -67,13 +67,13 @@ def inside(points, count, o, s):
     return after == LAST if right <= 1.0 else lies
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def sample_place(g, h, s0):
     """Arc length of sample g, on a mesh of elements with lengths h (m,) that start at s0 (m,)."""
     return s0[g // SAMPLES] + h[g // SAMPLES] * NODES[g % SAMPLES]
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def cover(points, count, h, s0, covered):
     """Mark the samples that are in a patch.
 
@@ -92,7 +92,7 @@ def cover(points, count, h, s0, covered):
                 covered[o, g] = inside(points, count, o, sample_place(g, h, s0))
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def fill(points, count, h, s0, covered):
     """Add the samples that are in a patch now, and remove those that are in none any more.
 
@@ -156,7 +156,7 @@ def resample(points, count, h, s0):
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def sample(points, count, o, g, h, s0):
     """Add sample g on obstacle o, with pressure and friction of its nearest neighbour; the number of points.
 
@@ -170,7 +170,7 @@ def sample(points, count, o, g, h, s0):
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def inherit(points, i, others, count):
     """Give sample i of `points` the pressure and friction of the nearest sample on its obstacle.
 
@@ -189,7 +189,7 @@ def inherit(points, i, others, count):
             points[i, a] = others[best, a] * points[i, LENGTH] / others[best, LENGTH]
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def make_patch(points, count, o, low, high):
     """Make a patch, with the force of the points in it; returns the number of points.
 
@@ -266,7 +266,7 @@ def grounded(c, h, s0, obstacle, s):
     return gap(obstacle, r, n, np.empty((2, 3)), np.empty(2)) < CLAMPED
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def coarse(points, count, h, s0, spacing):
     """Whether an element that lies on a surface is longer than LYING spacings.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, njit
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -70,7 +70,7 @@ def add(points, count, o, s, kind):
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def remove(points, count, i):
     """Drop contact point i of `points` (CAPACITY, COLUMNS), keeping the others' order; returns the count."""
     for k in range(i, count - 1):

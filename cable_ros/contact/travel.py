@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import LEAF_ENTRY, njit
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS
 
 TURN = 0.3
@@ -28,7 +28,7 @@ def stride(change: float) -> float:
     return min(max(SHORTER * FRICTION_CHANGE / max(change, 1e-9), 0.1), 2.0)
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def travel(
     qe: np.ndarray, re: np.ndarray, obstacles: np.ndarray, qe2: np.ndarray, re2: np.ndarray,
     obstacles2: np.ndarray,

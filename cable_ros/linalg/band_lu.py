@@ -7,10 +7,10 @@ below and above the diagonal, and as many columns more for what pivoting fills i
 
 from __future__ import annotations
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import LEAF_ENTRY, njit
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def band_factor(a, n, lower, pivots):
     """Factor the first n rows of a banded matrix in place; False if it is singular.
 
@@ -49,7 +49,7 @@ def band_factor(a, n, lower, pivots):
     return True
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def band_solve(a, n, lower, pivots, b):
     """Solve in place, b (n,), with the factors of `band_factor`; `a`, `n`, `lower`, `pivots` as there."""
     for i in range(n):

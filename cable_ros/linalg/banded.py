@@ -7,7 +7,7 @@ A = L D L^T takes pivots as they come: their signs are the inertia, which tells 
 
 from __future__ import annotations
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import LEAF, LEAF_ENTRY, njit
 
 
 @njit(**LEAF)
@@ -16,7 +16,7 @@ def reach(i, order, last):
     return min(last, 3 * order * (i // 3 // order + 1) + 3)
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def factor(A, first, last, order, U, pivots):
     """Factor rows first..last-1 of A = L D L^T; returns (negative pivots, smallest |pivot / diagonal|).
 
@@ -57,7 +57,7 @@ def factor(A, first, last, order, U, pivots):
     return negative, worst
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def solve(U, pivots, first, last, order, x):
     """Solve L D L^T x = x in place, rows first..last-1 of x (n,); node by node, as `factor`."""
     for i in range(first, last, 3):
@@ -113,7 +113,7 @@ def solve_all(U, pivots, first, last, order, X):
             X[i + 1, k] = v1
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def multiply(A, x, y):
     """y = A x for the symmetric banded A, vectors (n,)."""
     band = A.shape[1] - 1

@@ -12,10 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.linalg import banded, dense
-
-OPTIONS = {"cache": True, "error_model": "numpy"}
 
 SINGULAR = 1e-11
 """Factors with a worse pivot have lost their digits."""
@@ -189,7 +187,7 @@ def saddle_step(g, c, C, order, factors, s, dF):
     respond(factors.Y, 3, dF, s)
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def kkt_factor(tangents, mu, order, factors, V, delta, count, equalities):
     """`factor` with more constraint rows; whether the whole is a strict minimum.
 
@@ -217,7 +215,7 @@ def kkt_factor(tangents, mu, order, factors, V, delta, count, equalities):
     return worst > SINGULAR and negative + dense.positive(S[:count, :count]) == expected
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def complement(V, W, count, order, factors):
     """Y = H^-1 W^T and S = V H^-1 W^T at the inner nodes, in `factors`, from the factors U of H.
 
@@ -247,7 +245,7 @@ def complement(V, W, count, order, factors):
             Y[a, i] = X[i, a] if 3 <= i < n - 3 else 0.0
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def complement_factors(S, count):
     """What `kkt_solve` needs of the complement S of `count` rows: its factors and their swaps, of 3 S
     itself.
@@ -260,7 +258,7 @@ def complement_factors(S, count):
     return factors, swaps
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def kkt_solve(g, c, V, order, factors, small, swaps, s, y):
     """`kkt_step` with factors of the complement.
 
@@ -279,7 +277,7 @@ def kkt_solve(g, c, V, order, factors, small, swaps, s, y):
     respond(factors.Y, count, y, s)
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def kkt_step(g, c, V, count, order, factors, s, y):
     """s (3n,), y (count,) with H s - V^T y = -g, V s + delta y = -c; s = 0 at the ends.
 
@@ -311,7 +309,7 @@ def end_coupling(tangents, V, count, theta, g, c):
             c[a] += V[a, row] * theta[k]
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def end_rows(tangents, V, count, s, y):
     """(3,) what the step s (3n,), y (count,), s = 0 at the end, adds to the gradient at the end node.
 

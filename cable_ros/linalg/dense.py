@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
-
-OPTIONS = {"cache": True, "error_model": "numpy"}
+from cable_ros.compilation import INNER, njit
 
 GROWTH = (1.0 + np.sqrt(17.0)) / 8.0
 """Ratio of a pivot to its column below which it is not taken alone (Bunch & Kaufman 1977)."""
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def positive(S):
     """Number of positive eigenvalues of the symmetric matrix S (n, n), of which the lower half is read.
 
@@ -75,7 +73,7 @@ def positive(S):
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def factor(A, swaps):
     """Replace the matrix A (n, n) by its factors L and U, with the largest pivot of each column.
 
@@ -105,7 +103,7 @@ def factor(A, swaps):
                     A[i, j] -= v * A[k, j]
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def solve_factored(A, swaps, b, x):
     """x (n,) = A^-1 b for what `factor` made of A."""
     n = A.shape[0]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import LEAF, LEAF_ENTRY, njit
 
 
 @njit(**LEAF)
@@ -38,7 +38,7 @@ def tangent(q, t):
     return n
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def curve(q, h, N, primitives, c):
     """Coefficients of the centreline: sum_k c[e, k] x^k at x in [0, 1] of element e.
 
@@ -90,7 +90,7 @@ def find_element(s, s0, h):
     return e, min(max(x, 0.0), 1.0)
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def position(c, h, s0, s, r):
     """Position r (3,) at arc length s on a `curve` c, on elements of lengths h (m,) that start at s0 (m,)."""
     e, x = find_element(s, s0, h)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.rod.centreline import increments, tangent_derivative
 from cable_ros.rod.elements import LANES
 from cable_ros.rod.rod_state import ENERGY, TWIST
@@ -280,7 +280,7 @@ def gradient(q, F, f, section, grid, evaluation):
         radial[i] = 0.25 * (w * a + x * b + y * c + z * d)
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def hessian(q, F, f, section, grid, radial, tangents):
     """Hessian of the Lagrangian in lower band storage, in two parts, and the end position's derivative.
 

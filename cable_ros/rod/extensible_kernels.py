@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import INNER, njit
 from cable_ros.rod.centreline import increments
 from cable_ros.rod.rod_state import ENERGY
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def axes(q, d):
     """The section's axes as rows d (3, 3), of a quaternion q (4,) of any length; its squared length."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -45,7 +45,7 @@ def axes(q, d):
     return n
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def forms(G, S):
     """The symmetric matrices S (3, 4, 4) of the forces along the axes: b_a = q.S[a] q / |q|^2, with the force
     G (3,).
@@ -64,7 +64,7 @@ def forms(G, S):
                 S[a, i, j] = S[a, j, i]
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def local(q, G, S, d, b, slope):
     """Axes d (3, 3), forces along them b (3,) and their derivatives by q, slope (3, 4); returns |q|^2.
 
@@ -84,7 +84,7 @@ def local(q, G, S, d, b, slope):
     return n
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def stretch_gradient(q, F, f, grid, stretch, acc):
     """Add the derivative of the complementary energy by the nodal quaternions.
 
@@ -127,7 +127,7 @@ def stretch_gradient(q, F, f, grid, stretch, acc):
                         acc[first + j, i] -= N[k, j] * pull * slope[a, i]
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def stretch_hessian(q, F, f, grid, stretch, tangents):
     """Add the second derivatives of the complementary energy to those of `energy_kernels.hessian`.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import njit
+from cable_ros.compilation import INNER, njit
 from cable_ros.linalg.bordered import SINGULAR, end_coupling, end_rows, negative3, saddle_step, schur
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
@@ -31,7 +31,7 @@ MOST_ITERATIONS = 16
 """Maximum number of iterations; the first one predicts."""
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def stretch_linearize(q, F, f, section, stretch, grid, system, full):
     """`energy_kernels.gradient` and, if `full`, `energy_kernels.hessian` with the stretch.
 
@@ -55,7 +55,7 @@ def stretch_linearize(q, F, f, section, stretch, grid, system, full):
         stretch_hessian(q, Fe, f, grid, stretch, tangents)
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def stretch_factor(system, reach, mu, order):
     """`bordered.factor` with the reach in the Schur complement.
 

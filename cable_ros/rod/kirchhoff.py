@@ -54,6 +54,12 @@ class Rod:
     patience = 0
     """Number of penalty continuations left for failed steps, see `penalty_continuation.descend_instead`."""
 
+    touches = False
+    """Whether a contact is loaded."""
+
+    compliance = NOTHING
+    """(3,) of shear and axial strain, EI / L^2 over the stiffness."""
+
     frictional = False
     """Whether it touches something with friction."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import curve, find_element, position
 from cable_ros.rod.rod_state import Sampling
@@ -13,7 +13,7 @@ from cable_ros.rod.rod_state import Sampling
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def wrenches(F, f, contact, qe, g, force, moment, end_wrench, start_wrench):
     """End and start wrench (6,) in SI: what the cable exerts on the bodies, in the clamps' frames.
 
@@ -82,7 +82,7 @@ def turn(start, q, out):
         out[i, 3] = w * d + x * c - y * b + z * a
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def polyline(q, h, sampling, start, length, out_r, out_q):
     """World points and frames x y z w at the arc lengths of a sampling.
 
@@ -144,7 +144,7 @@ def polyline(q, h, sampling, start, length, out_r, out_q):
             r2 += v * t[2, k]
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def polyline_anywhere(q, h, s0, values, primitives, powers, start, length, out_r, out_q):
     """`polyline` at equal arc lengths, on elements whose lengths change from solve to solve.
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import LEAF, LEAF_ENTRY, njit
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -81,7 +81,7 @@ def turn(q):
     return scale * q[1], scale * q[2], scale * q[3]
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def retract(q, psi, out):
     """out = q exp(psi / 2), normalised, row by row of q (n, 4); psi (3n,): rotations in the section frame."""
     for i in range(q.shape[0]):

@@ -85,7 +85,16 @@ class Balance(NamedTuple):
 
 @njit(**OPTIONS)
 def centreline(q, F, f, compliance, h, s0, values, points, primitives, c):
-    """`centreline.curve`, with the displacement by stretch and shear where `compliance` (3,) is not zero."""
+    """`centreline.curve`, with the displacement by stretch and shear where `compliance` is not zero.
+
+    Args:
+        q: (n, 4) nodal frames.
+        F, f: (3,) end force and load per length.
+        compliance: (3,) of shear and axial strain.
+        h, s0: (m,) lengths of the elements and the arc lengths at which they start.
+        values, points, primitives: of `rod_state.Tables`.
+        c: (m, g + 1, 3) overwritten.
+    """
     if compliance[0] == 0.0 and compliance[1] == 0.0 and compliance[2] == 0.0:
         curve(q, h, values, primitives, c)
         return
@@ -128,7 +137,12 @@ def add_cross(a, b, sign, out):
 def fields(shape, law, f, balance, e, x, work, out):
     """Squared bending curvature, tension and elastic twist, out (3,), at the fraction x of element e.
 
-    `f`: load per length; `work` (5, 4): workspace.
+    Args:
+        shape, law, balance: `Shape`, `Law` and `Balance`.
+        f: (3,) load per length.
+        e, x: the element, and the fraction of its length.
+        work: (5, 4) workspace.
+        out: (3,) overwritten.
     """
     q, h, s0, nodes, c = shape
     frame, r, G, M, tail = work[0], work[1], work[2], work[3], work[4]
@@ -167,7 +181,14 @@ def fields(shape, law, f, balance, e, x, work, out):
 
 @njit(**LEAF)
 def refine(shape, law, f, balance, e, k, a, b, work, pair):
-    """Maximum of field k between the fractions a and b of element e: value and fraction of the element."""
+    """Maximum of field k between the fractions a and b of element e: value and fraction of the element.
+
+    Args:
+        shape, law, f, balance, e, work: as in `fields`.
+        k: 0 curvature, 1 tension, 2 twist.
+        a, b: where the golden sections begin.
+        pair: (2, 3) workspace.
+    """
     u, v = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
     fields(shape, law, f, balance, e, u, work, pair[0])
     fields(shape, law, f, balance, e, v, work, pair[1])
@@ -189,7 +210,11 @@ def refine(shape, law, f, balance, e, k, a, b, work, pair):
 def search(shape, law, f, balance, e, begin, end, work, samples, out):
     """Update the maxima `out` of `largest` by those between the fractions `begin` and `end` of element e.
 
-    `samples` (2 order + 3, 3): workspace; its last two rows are `refine`'s.
+    Args:
+        shape, law, f, balance, e, work: as in `fields`.
+        begin, end: fractions of the element.
+        samples: (2 order + 3, 3) workspace; its last two rows are `refine`'s.
+        out: (3, 2) values and arc lengths.
     """
     count = samples.shape[0] - 2
     step = (end - begin) / (count - 1)
@@ -230,6 +255,9 @@ def largest(shape, law, loads):
 
     Between two point forces of an element the fields are smooth: the largest of 2 order + 1 samples are
     refined by golden sections. Both sides of a point force count.
+
+    Args:
+        shape, law, loads: `Shape`, `Law` and `Loads`.
     """
     _, h, s0, nodes, c = shape
     F, M, f, arc_lengths, forces = loads

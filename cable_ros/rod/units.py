@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF_ENTRY, njit
 from cable_ros.rod import quaternion
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -45,7 +45,7 @@ def relative(
     return qe, re, f
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def _relative(poses, previous, weight, length, force, qe, re, f):  # type: ignore[no-untyped-def]
     """`relative` with space for what it returns: compiled code makes arrays more slowly than Python."""
     start, end = poses[0], poses[1]
@@ -72,7 +72,7 @@ def relative_change(change: np.ndarray, wrench: np.ndarray, least: float) -> flo
     return max(norm3(change[:3]) / force_scale, norm3(change[3:]) / moment_scale)
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def norm3(v: np.ndarray) -> float:
     """Length of the vector v (3,)."""
     return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])

@@ -103,4 +103,4 @@ def test_references_of_a_cable_that_touches_are_integrated():
     # of two programs that share nothing, one at 1e-9: near, and not the same numbers
     assert 0.0 < bench.agreement < 1e-8
     assert all(pose.reference is not None for pose in poses)
-    assert "with friction as told" in bench.provenance
+    assert "with the friction forces of cable_ros" in bench.provenance
