@@ -240,6 +240,14 @@ def continue_branch(
         step *= min(rod.stride, 0.5)
         if step < LEAST * longest:
             return ended(End.STUCK)
+    if not (rod.remembers or rod.frictional or rod.refactor(q, F)):
+        # the factors of an earlier step did not show that the margin passed through 0
+        snapped = _snap_and_record(rod, q, F, path, 0.0, [(at, 0.0)], tolerance, True)
+        if snapped is None:
+            return ended(End.STUCK)
+        found, snap = snapped
+        snaps.append(snap)
+        iterations, q, F = iterations + found.iterations, found.q, found.F
     return ended(End.ARRIVED)
 
 
