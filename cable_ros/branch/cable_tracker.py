@@ -162,7 +162,8 @@ class CableTracker(SearchedEquilibrium):
             target_twist = self._target_twist if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, target_twist)
         rod.work = self._budget
-        rod.patience = 0
+        if isinstance(rod, TouchingRod):
+            rod.patience, rod.short = PATIENCE, False
         if _largest_difference(joints, self._joints) > LONGEST:
             return self._continue_to(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
@@ -261,7 +262,6 @@ class CableTracker(SearchedEquilibrium):
         ):
             return self.failed(Status.OUT_OF_REACH, obstruction, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
-        rod.patience = PATIENCE if isinstance(rod, TouchingRod) else 0
         origin, before, start = self._joints, conditions_of(rod), rod
 
         def path(t: float) -> Conditions:

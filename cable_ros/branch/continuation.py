@@ -32,9 +32,8 @@ FALLBACK_LYING_WORK = 75_000
 """Maximum work, iterations times unknowns, before the first kind is replaced: about 150 ms."""
 FALLBACK_WORK = 0.5
 """Maximum fraction of the budget spent on one step before the second kind is replaced."""
-DESCEND = 0.02
-"""Maximum step, as a fraction of the longest, that an energy descent makes where Newton's method fails: a
-shorter step costs less than a descent."""
+SHORT = 0.02
+"""Maximum step, as a fraction of the longest, that counts as short; see `descend_instead`."""
 LEAST = 1e-9
 """Fraction of the longest step below which a step is rounding error."""
 OVERHEAD = 250
@@ -169,12 +168,11 @@ def continue_branch(
             if far > farthest:
                 step = (target - at) * max(0.9 * farthest / far, 0.1)
                 continue
-        patience, rod.patience = rod.patience, rod.patience if step <= DESCEND * longest else 0
+        rod.short = step <= SHORT * longest
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
         iterations += count
-        rod.patience = patience if step > DESCEND * longest else rod.patience
         # a rod in contact counts its work itself
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
         if code == warm_step.ADVANCED:

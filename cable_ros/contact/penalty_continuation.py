@@ -12,7 +12,7 @@ import numpy as np
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.distance import POSE
 from cable_ros.contact.edge_rounding import remove_rounding, rounded
-from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.penalty import PenaltyProblem
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, INTERFACE, OBSTACLE
 from cable_ros.rod import warm_step
@@ -112,6 +112,8 @@ def descend_instead(
         return failed  # a descent knows nothing of the history of this friction
     if rod.patience <= 0 or rod.work <= 0.0:
         return failed
+    if failed[0] == warm_step.TOO_FAR and rod.model == FRICTIONLESS and not rod.short:
+        return failed  # a shorter step costs less than a descent
     rod.patience -= 1
     before, kept = (rod.qe, rod.re, rod.f, rod.obstacles), rod.state()
     mesh, shape = rod.mesh, rod.mesh.interpolate(q, GRID)

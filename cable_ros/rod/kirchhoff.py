@@ -51,6 +51,9 @@ class Rod:
     remembers = False
     """Whether snap-throughs keep friction's history."""
 
+    short = False
+    """Whether the step is so short that a shorter one hardly costs less than a descent."""
+
     patience = 0
     """Number of penalty continuations left for failed steps, see `penalty_continuation.descend_instead`."""
 
