@@ -38,17 +38,19 @@ GRID = np.linspace(0.0, 1.0, 33)
 
 
 def descend(
-    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int = 0, taut: bool = False
-) -> tuple[np.ndarray, np.ndarray, int] | None:
+    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int = 0, taut: bool = False,
+    minima: bool = False,
+) -> tuple[np.ndarray, np.ndarray, int] | None:  # fmt: skip
     """The stable equilibrium with contact where a descent from (q, F) ends: q, F, iterations; or None.
 
     The obstacles are springs at first, SPRINGS[first] and on, which any shape can start from. A cable that
-    may be `taut` bends about them within short lengths. Contacts and mesh are put back where it fails.
+    may be `taut` bends about them within short lengths; one that slides off edges needs springs at `minima`,
+    see `press`. Contacts and mesh are put back where it fails.
     """
     assert rod.obstacles is not None
     sharp, kept, mesh = rod.obstacles, rod.state(), rod.mesh
     rod.obstacles = rounded(sharp)
-    found = _descend(rod, q, F, options, first, taut)
+    found = _descend(rod, q, F, options, first, taut, minima)
     if found is not None and rod.obstacles is not sharp:
         total = found[2]
         found = remove_rounding(rod, found[0], found[1], sharp, options.step_tolerance)
@@ -60,7 +62,7 @@ def descend(
 
 
 def _descend(
-    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int, taut: bool
+    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int, taut: bool, minima: bool
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
     """`descend` among the rod's obstacles as they are; leaves the rod where it fails."""
     assert rod.obstacles is not None
@@ -70,7 +72,7 @@ def _descend(
         rod.count = 0
         if taut:
             rod.densify(DENSITIES[stage])
-        soft = PenaltyProblem(rod, stiffness, first > 0)
+        soft = PenaltyProblem(rod, stiffness, minima)
         most = max(1, int(min(options.iterations, rod.work / (SOFT * rod.elastic.shape[0]))))
         result = minimize(soft, q, F, replace(options, iterations=most))
         total += result.iterations

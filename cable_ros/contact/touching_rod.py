@@ -71,7 +71,9 @@ class TouchingRod(ActiveSetRod):
             self.forgot = self.forgot or self.model == COULOMB
             near = replace(options, iterations=min(options.iterations, SHORT))
             found = descend(self, q, F, near, NEAR)
-            return descend(self, q, F, options, FAR) if found is None and self.work > 0.0 else found
+            return (
+                descend(self, q, F, options, FAR, minima=True) if found is None and self.work > 0.0 else found
+            )
         return descend(self, q, F, options)
 
     def advance(
