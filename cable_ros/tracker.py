@@ -68,7 +68,7 @@ class Tracker:
         )
         self._pairs = Pairs(self.scene.cables)
         self._beside = {
-            i: encode(self.scene.obstacles, cable.radius)
+            i: encode(self.scene.obstacles, cable.radius, cable.name)
             for i, cable in enumerate(self.scene.cables)
             if cable.limits is not None
         }

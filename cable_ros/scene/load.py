@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from cable_ros.scene.caps import MOST_CABLES, MOST_OBSTACLES, MOST_URDF_CHARACTE
 from cable_ros.scene.errors import SceneError, suggestion
 from cable_ros.scene.fields import Field, Size, vector
 from cable_ros.scene.model import EFFECTS, Cable, Robot, Scene
-from cable_ros.scene.obstacles import OBSTACLE, RADIUS_WORDS, read_obstacles
+from cable_ros.scene.obstacles import OBSTACLE, RADIUS_WORDS, Obstacle, read_obstacles
 from cable_ros.scene.placement import read_link
 from cable_ros.scene.section import Section, describe, plain
 from cable_ros.scene.text import check_amount, parse_yaml, read_text
@@ -109,11 +109,20 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
                     f"'{cable.name}' is already the name of cables[{j}]; give each cable its own name",
                 )
         cables.append(cable)
+
+    def of_robot(section: Section) -> Sequence[Obstacle]:
+        from cable_ros.scene import robot_obstacles  # SciPy's rotations take a quarter of a second
+
+        nonlocal robot
+        robot, found = robot_obstacles.read(section, robot, cables)
+        return found
+
     obstacles = read_obstacles(
         top.items("obstacles", MOST_OBSTACLES),
         source,
         lambda section: read_link(section, links),
         top.choice("cable_radius"),
+        of_robot,
     )
     friction_model = top.choice("friction_model")
     effects = _effects(top)
