@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -42,14 +42,14 @@ class Body(NamedTuple):
     """(3, 3) rotation matrix of the link."""
 
 
-def pieces(urdf: str, source: str) -> tuple[Piece, ...]:
-    """All collision geometry but meshes, in the order of the links.
+def pieces(urdf: str, source: str, links: Container[str]) -> tuple[Piece, ...]:
+    """The collision geometry of these links but for meshes, in the order of the URDF.
 
     Raises:
         SceneError: one sentence: a geometry of another kind, or numbers that cannot be.
     """
     out = []
-    for link, place, collision in collisions(parse(urdf, source)):
+    for link, place, collision in collisions(parse(urdf, source), links):
         geometry = geometry_of(collision, source, place)
         if geometry.tag != "mesh":
             position, turn = origin_of(collision, source, place)
@@ -57,10 +57,27 @@ def pieces(urdf: str, source: str) -> tuple[Piece, ...]:
     return tuple(out)
 
 
-def collisions(root: ET.Element) -> Iterator[tuple[str, str, ET.Element]]:
-    """Link, how messages name the place, and element of each collision."""
+def placed_by(urdf: str, source: str, joint_names: Iterable[str]) -> frozenset[str]:
+    """The links whose poses follow from the values of these joints."""
+    root = parse(urdf, source)
+    known = {*joint_names, *(j.get("name", "") for j in root.findall("joint") if j.get("type") == "fixed")}
+    parents = {link_of(joint, "child", source): joint for joint in root.findall("joint")}
+    out = set()
+    for link in root.findall("link"):
+        name = at = link.get("name", "")
+        while at in parents and parents[at].get("name", "") in known:
+            at = link_of(parents[at], "parent", source)
+        if at not in parents:
+            out.add(name)
+    return frozenset(out)
+
+
+def collisions(root: ET.Element, links: Container[str]) -> Iterator[tuple[str, str, ET.Element]]:
+    """Link, how messages name the place, and element of each collision of these links."""
     for link in root.findall("link"):
         name = link.get("name", "")
+        if name not in links:
+            continue
         for number, collision in enumerate(link.findall("collision"), 1):
             yield name, f"link '{name}', collision {number}", collision
 

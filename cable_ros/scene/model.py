@@ -85,6 +85,8 @@ class Robot:
     """Where it comes from, for messages."""
     path: Path | None = None
     """Its file; None where the text was given."""
+    named: frozenset[str] = frozenset()
+    """Links that the scene's obstacles speak of, those that they leave out by name included."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,16 @@ class Scene:
     """coulomb: stick and slip; sliding: fully mobilised against the end's motion, (53) of Liu et al."""
     effects: str | tuple[str, ...] = "all"
     """auto: what matters at the tolerance; all: what has numbers in the scene; or some of `EFFECTS`."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about what became of the robot's links as obstacles; mostly none."""
+        held = [
+            f"Cable '{cable}' passes through '{obstacle.name}', in which it is clamped."
+            for obstacle in self.obstacles
+            for cable in obstacle.left_out_by
+        ]
+        return tuple(held)
 
     def __repr__(self) -> str:
         cables, obstacles = (", ".join(one.name for one in many) for many in (self.cables, self.obstacles))

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
-from cable_ros.scene.collision import Piece, bodies, pieces
+from cable_ros.scene.collision import Piece, bodies, pieces, placed_by
 from cable_ros.scene.errors import suggestion
 from cable_ros.scene.model import Cable, Robot
 from cable_ros.scene.obstacles import Obstacle
@@ -34,20 +35,43 @@ def read(section: Section, robot: Robot | None, cables: Sequence[Cable]) -> tupl
             "robot",
         )
     inner = section.inner("robot")
-    links = _links(inner, robot)
-    solids = [piece for piece in pieces(robot.urdf, robot.source) if piece.link in links]
+    links, named_links = _links(inner, robot)
+    solids = pieces(robot.urdf, robot.source, links)
     if not solids:
         inner.fail("none of these links has collision geometry; leave the robot out", "links")
     margin, friction = inner.number("margin"), inner.number("friction")
     prefix = f"{section.text('name')}/" if "name" in section else ""
     clamped = Clamped(robot, cables)
-    return robot, [
+    found = [
         Obstacle(
             prefix + name, piece.shape, friction, piece.link,
             margin=margin, left_out_by=clamped.within(piece, margin),
         )
         for name, piece in named(solids)
     ]  # fmt: skip
+    return dataclasses.replace(robot, named=robot.named | named_links), found
+
+
+def beside(
+    robot: Robot, cables: Sequence[Cable], joint_names: Iterable[str], modelled: bool
+) -> list[Obstacle]:
+    """The links that are not among the scene's obstacles, as such, if these joints tell where they are.
+
+    Args:
+        robot: of the scene.
+        cables: of the scene.
+        joint_names: joints whose values are known.
+        modelled: whether the links that the scene names are obstacles in its equations.
+
+    Raises:
+        SceneError: the collision geometry of one of them cannot be used.
+    """
+    links = placed_by(robot.urdf, robot.source, joint_names) - (robot.named if modelled else frozenset())
+    clamped = Clamped(robot, cables)
+    return [
+        Obstacle(name, piece.shape, 0.0, piece.link, left_out_by=clamped.within(piece))
+        for name, piece in named(pieces(robot.urdf, robot.source, links))
+    ]
 
 
 def named(solids: Sequence[Piece]) -> Iterator[tuple[str, Piece]]:
@@ -85,16 +109,16 @@ class Clamped:
         return tuple(dict.fromkeys(found))
 
 
-def _links(section: Section, robot: Robot) -> set[str]:
-    """The links that `links` and `except` of a section name."""
+def _links(section: Section, robot: Robot) -> tuple[set[str], set[str]]:
+    """The links that `links` and `except` of a section choose, and all that they speak of."""
     known = link_names(robot.urdf, robot.source)
     chosen = set(known)
     if section.values.get("links", "all") != "all":
         chosen = set(_listed(section, "links", known))
-    chosen -= set(_listed(section, "except", known))
-    if not chosen:
+    left = chosen - set(_listed(section, "except", known))
+    if not left:
         section.fail("no link is left; leave the robot out, or some links in", "except")
-    return chosen
+    return left, chosen
 
 
 def _listed(section: Section, name: str, known: Sequence[str]) -> list[str]:
