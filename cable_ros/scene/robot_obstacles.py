@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from cable_ros.scene.collision import Piece, bodies, pieces, placed_by
 from cable_ros.scene.errors import suggestion
+from cable_ros.scene.fitted_urdf import with_solids
 from cable_ros.scene.model import Cable, Robot
 from cable_ros.scene.obstacles import Obstacle
 from cable_ros.scene.section import Section, describe, plain
@@ -36,6 +37,7 @@ def read(section: Section, robot: Robot | None, cables: Sequence[Cable]) -> tupl
         )
     inner = section.inner("robot")
     links, named_links = _links(inner, robot)
+    robot = with_solids(robot, links)
     solids = pieces(robot.urdf, robot.source, links)
     if not solids:
         inner.fail("none of these links has collision geometry; leave the robot out", "links")
@@ -67,6 +69,7 @@ def beside(
         SceneError: the collision geometry of one of them cannot be used.
     """
     links = placed_by(robot.urdf, robot.source, joint_names) - (robot.named if modelled else frozenset())
+    robot = with_solids(robot, links)
     clamped = Clamped(robot, cables)
     return [
         Obstacle(name, piece.shape, 0.0, piece.link, left_out_by=clamped.within(piece))

@@ -43,3 +43,10 @@ def placed(shape: Solid, position: np.ndarray, turn: np.ndarray) -> Solid:
         return Box(position + turn @ shape.center, shape.size, quaternion.as_quat())
     kind = Capsule if isinstance(shape, Capsule) else Cylinder
     return kind(position + turn @ shape.start, position + turn @ shape.end, shape.radius)
+
+
+def facing(z: np.ndarray) -> np.ndarray:
+    """Some rotation matrix (3, 3) with the given third column."""
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
