@@ -36,10 +36,16 @@ class RobotOverlaps:
             from cable_ros.scene import robot_obstacles  # SciPy's rotations take a quarter of a second
 
             modelled = isinstance(scene.effects, str) or "contact" in scene.effects
+            unknown: dict[str, str] = {}
             try:
-                self._obstacles = robot_obstacles.beside(scene.robot, scene.cables, joint_names, modelled)
+                self._obstacles, unknown = robot_obstacles.beside(
+                    scene.robot, scene.cables, joint_names, modelled
+                )
             except SceneError as error:
-                self.unknown = f"Cables are not compared with the robot's links: {error}"
+                unknown = {"the robot": str(error)}
+            if unknown:
+                why = next(iter(unknown.values()))
+                self.unknown = f"Cables are not compared with {', '.join(unknown)}: {why}"
         self._solids: dict[str, list[int]] = defaultdict(list)
         for k, obstacle in enumerate(self._obstacles):
             self._solids[obstacle.link or ""].append(k)

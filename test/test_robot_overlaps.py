@@ -114,9 +114,11 @@ def test_which_links_are_told(text, obstacles, effects, passes):
 
 def test_a_link_whose_geometry_is_of_no_use_does_not_stop_the_cable():
     bad = "<collision><geometry><cone/></geometry></collision>"
-    tracker = Tracker(scene(urdf(arm=bad)))
-    assert tracker.solve({"arm_joint": 0.0})["hose"].status.trusted
-    assert "not compared with the robot's links" in tracker.robot_overlaps.unknown
+    tracker = Tracker(scene(urdf(arm=bad, base=ball(1.0, 0, 0.06))))
+    found = tracker.solve({"arm_joint": 0.0})["hose"]
+    assert found.status.trusted
+    assert [one.other for one in found.overlaps] == ["base"]
+    assert tracker.robot_overlaps.unknown.startswith("Cables are not compared with arm: robot description")
     assert "geometry <cone> is unknown" in tracker.robot_overlaps.unknown
 
 

@@ -8,6 +8,7 @@ import dataclasses
 import hashlib
 import io
 import json
+import logging
 import os
 import tempfile
 from pathlib import Path
@@ -81,7 +82,9 @@ def fitted(path: Path, scale: np.ndarray, source: str, place: str) -> Fit:
     kept = cache_folder() / f"{key.hexdigest()}.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         return _fit(json.loads(kept.read_text(encoding="utf-8")))
-    found = mesh_fit.fit(_mesh(data, path, scale, source, place))
+    mesh = _mesh(data, path, scale, source, place)
+    logging.getLogger(__name__).warning("Fitting solids to %s, once: up to a minute.", path)
+    found = mesh_fit.fit(mesh)
     with contextlib.suppress(OSError):
         kept.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile("w", dir=kept.parent, delete=False, encoding="utf-8") as file:

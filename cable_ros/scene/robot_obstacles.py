@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from cable_ros.scene.collision import Piece, bodies, pieces, placed_by
-from cable_ros.scene.errors import suggestion
+from cable_ros.scene.errors import SceneError, suggestion
 from cable_ros.scene.fitted_urdf import with_solids
 from cable_ros.scene.model import Cable, Robot
 from cable_ros.scene.obstacles import Obstacle
@@ -56,7 +56,7 @@ def read(section: Section, robot: Robot | None, cables: Sequence[Cable]) -> tupl
 
 def beside(
     robot: Robot, cables: Sequence[Cable], joint_names: Iterable[str], modelled: bool
-) -> list[Obstacle]:
+) -> tuple[list[Obstacle], dict[str, str]]:
     """The links that are not among the scene's obstacles, as such, if these joints tell where they are.
 
     Args:
@@ -65,16 +65,26 @@ def beside(
         joint_names: joints whose values are known.
         modelled: whether the links that the scene names are obstacles in its equations.
 
+    Returns:
+        The obstacles, and by link why its collision geometry cannot be used.
+
     Raises:
-        SceneError: the collision geometry of one of them cannot be used.
+        SceneError: the URDF's joints cannot be used.
     """
     links = placed_by(robot.urdf, robot.source, joint_names) - (robot.named if modelled else frozenset())
-    robot = with_solids(robot, links)
+    solids: list[Piece] = []
+    unknown: dict[str, str] = {}
+    for link in sorted(links):
+        try:
+            robot = with_solids(robot, {link})
+            solids += pieces(robot.urdf, robot.source, {link})
+        except SceneError as error:
+            unknown[link] = str(error)
     clamped = Clamped(robot, cables)
     return [
         Obstacle(name, piece.shape, 0.0, piece.link, left_out_by=clamped.within(piece))
-        for name, piece in named(pieces(robot.urdf, robot.source, links))
-    ]
+        for name, piece in named(solids)
+    ], unknown
 
 
 def named(solids: Sequence[Piece]) -> Iterator[tuple[str, Piece]]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -191,6 +192,21 @@ def test_a_library_that_is_missing(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(SceneError, match=r"its mesh needs trimesh; pip install 'cable_ros\[mesh\]'"):
         scene(tmp_path, urdf("elbow.stl"))
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_link_of_a_real_arm(tmp_path):
+    """The flange of a UR10, from the package example-robot-data."""
+    folder = "cmeel.prefix/share/example-robot-data/robots/ur_description/meshes/ur10/collision"
+    files = [Path(place, folder, "wrist3.stl") for place in sys.path]
+    file = next((one for one in files if one.is_file()), None)
+    if file is None:
+        pytest.skip("the extra 'benchmarks' is not installed: example-robot-data, 130 MB")
+    found = scene(tmp_path, urdf(file))
+    points, _ = trimesh.sample.sample_surface(trimesh.load_mesh(file), 20_000, seed=7)
+    least = np.min([distances(one.shape, points) for one in found.obstacles], axis=0)
+    assert least.max() <= 1e-9
+    assert found.robot.fits[0].outside < 0.015
 
 
 def test_a_log_opens_no_mesh(tmp_path):

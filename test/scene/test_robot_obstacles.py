@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
+from pages import blocks
 from scipy.spatial.transform import Rotation
 
 from cable_ros import Tracker
@@ -213,3 +216,17 @@ def test_what_stands_beside_a_robot():
     values = {"gravity": [0, 0, 0], "cables": [{**cable, "start": clamp, "end": clamp}], "obstacles": twice}
     with pytest.raises(SceneError, match=r"'arm' is already the name of obstacles\[0\]"):
         load_scene(values, urdf=urdf(arm=BALL))
+
+
+def test_the_page_s_example_is_read(tmp_path):
+    page = Path(__file__).parents[2] / "docs" / "robot_obstacle.md"
+    (block,) = [block for block in blocks(page) if block.language == "yaml"]
+    text = urdf(arm=BALL).replace("hand", "gripper")
+    (tmp_path / "arm.urdf").write_text(text)
+    clamp = {"position": [0, 5, 0], "orientation": UPRIGHT}
+    cable = {"name": "c", "length": 1, "stiffness": [1, 1, 1], "linear_density": 0.1, "start": clamp}
+    values = yaml.safe_load(block.text) | {"gravity": [0, 0, 0], "cables": [{**cable, "end": clamp}]}
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(values))
+    found = load_scene(tmp_path / "scene.yaml")
+    assert [(one.name, one.friction) for one in found.obstacles] == [("arm", 0.2)]
+    assert found.robot.named == {"base", "arm", "tool", "gripper"}
