@@ -25,6 +25,8 @@ ROS_JAZZY = [
 # finds no test and is content.
 TEST = ["pytest>=7.4", "pytest-timeout", "hypothesis"]
 
+MESH = ["trimesh>=4.5", "pycollada"]  # collision meshes of a URDF; pycollada for DAE
+
 CLUSTER = ["distributed"]  # brings dask of the same version
 
 setup(
@@ -51,14 +53,18 @@ setup(
         "ros": ROS_JAZZY,
         "robot": ["pin"],
         "plot": ["matplotlib"],
+        "mesh": MESH,
         "parquet": ["pyarrow"],
         "cluster": CLUSTER,
         # Material for MkDocs, the last that builds with MkDocs 1; latex2mathml for the equations.
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5,<10", "latex2mathml>=3.77"],
+        # A real arm with its meshes, 130 MB: benchmarks/dress_pack.py and a test that skips without.
+        "benchmarks": ["example-robot-data"],
         "test": TEST,
         "dev": [
             *TEST,
             *CLUSTER,
+            *MESH,
             "pytest-xdist>=3.6",
             "rosbags",
             "colcon-common-extensions",

@@ -74,14 +74,17 @@ class Contact:
 
 @dataclass(frozen=True)
 class Overlap:
-    """A cable within another, or within itself: contact between cables is not modelled."""
+    """A cable within another, within itself or within a link of the robot, where contact is not modelled."""
 
     other: str
-    """Name of the other cable; its own where the cable meets itself."""
+    """Name of the other cable; its own where the cable meets itself; or the link's."""
     distance: float
-    """Smallest distance of the centrelines, of a polyline of some 100 points, m."""
+    """Smallest distance of the centrelines, of a polyline of some 100 points, m; from the surface of a link,
+    negative inside."""
     contact_distance: float
     """At which the surfaces would touch: the sum of the outer radii, m."""
+    between: tuple[float, float] | None = None
+    """First and last arc length within a link, m; None for a cable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +180,7 @@ class Equilibrium:
     solve_time: float
     """Wall time of this solve, s, without that of compiling or loading code."""
     overlaps: tuple[Overlap, ...] = ()
-    """Where its surface meets another cable's, or its own, which no equation forbids: where there is any, the
+    """Where its surface meets another cable's, its own or a link's, which no equation forbids: if any, the
     equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
     _tangent: Linearised | None = field(default=None, repr=False, compare=False)
     _touching: Callable[[], ContactTable] | None = field(default=None, repr=False, compare=False)
@@ -199,7 +202,7 @@ class Equilibrium:
 
     @property
     def overlapping(self) -> bool:
-        """Whether it meets itself or another cable; see `overlaps`."""
+        """Whether it meets itself, another cable or a link of the robot; see `overlaps`."""
         return bool(self.overlaps)
 
     @cached_property

@@ -19,6 +19,7 @@ from cable_ros.contact.overlaps import OUTLINE, Pairs
 from cable_ros.effects.contact import encode
 from cable_ros.effects.registry import environments, properties
 from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.robot_overlaps import RobotOverlaps
 from cable_ros.scene import Kinematics, Scene, load_scene
 from cable_ros.scene.joint_limits import IGNORE, MODES, REFUSE, WARN, JointLimits
 
@@ -67,8 +68,9 @@ class Tracker:
             for cable in self.scene.cables
         )
         self._pairs = Pairs(self.scene.cables)
+        self.robot_overlaps = RobotOverlaps(self.scene, self.joint_names)
         self._beside = {
-            i: encode(self.scene.obstacles, cable.radius)
+            i: encode(self.scene.obstacles, cable.radius, cable.name)
             for i, cable in enumerate(self.scene.cables)
             if cable.limits is not None
         }
@@ -220,6 +222,7 @@ class Tracker:
         self._joints = values
         if len(out) > 1:
             self._pairs.mark(out, poses, self._outlines(out, poses))
+        self.robot_overlaps.mark(out, joints, self._outlines(out, poses))
         if self.outside:
             for name, found in out.items():
                 out[name] = dataclasses.replace(found, message=f"{found.message} {self.outside}")

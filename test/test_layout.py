@@ -21,7 +21,7 @@ ORDER = (
     ("contact",),
     ("effects",),
     ("branch",),
-    ("tracker", "joint", "batch", "batch_result", "batch_work", "contributions", "warm_up"),
+    ("tracker", "joint", "batch", "batch_result", "batch_work", "contributions", "robot_overlaps", "warm_up"),
     ("drawing",),
     ("baselines",),
     ("log",),

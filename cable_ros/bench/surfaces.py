@@ -17,7 +17,7 @@ Distance = Callable[[np.ndarray], np.ndarray]
 def distance(obstacle: Obstacle, link: np.ndarray, radius: float) -> Distance:
     """How far a cable of `radius` is from an obstacle whose link is at the pose `link` (7,)."""
     frame = Rotation.from_quat(link[3:]).as_matrix()
-    offset = radius if obstacle.cable_radius_counts else 0.0
+    offset = obstacle.margin + (radius if obstacle.cable_radius_counts else 0.0)
 
     def signed(points: np.ndarray) -> np.ndarray:
         local = (np.reshape(points, (-1, 3)) - link[:3]) @ frame

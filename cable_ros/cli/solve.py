@@ -60,6 +60,8 @@ def run(args: argparse.Namespace) -> int:
         trusted = [describe(name, found) for name, found in equilibria.items() if found.status.trusted]
         if load and len(trusted) == len(equilibria):
             trusted.append(_load_lines(load, [limit.unit for limit in tracker.limits.joints]))
+        if notes := [note for note in (*tracker.scene.notes, tracker.robot_overlaps.unknown) if note]:
+            trusted.append("\n".join(["the robot's links", "", *(f"  {note}" for note in notes)]))
         print("\n\n".join(trusted), end="\n" if trusted else "")
     refused = {name: found for name, found in equilibria.items() if not found.status.trusted}
     for name, found in refused.items():

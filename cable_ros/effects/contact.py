@@ -32,27 +32,35 @@ from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, S
 NAME = "contact"
 ABSENT = "no obstacles"
 SIZE = "cable radius / L"
+FAR = 1e6
+"""Distance, m, of an obstacle that a cable leaves out."""
 
 
 def cause(scene: Scene, cable: Cable) -> str:
-    names = [obstacle.name for obstacle in scene.obstacles]
+    names = [one.name for one in scene.obstacles if cable.name not in one.left_out_by]
     return f"obstacle{'s' if len(names) > 1 else ''} {', '.join(names)}" if names else ""
 
 
 def add(properties: Properties, scene: Scene, cable: Cable, environment: Environment) -> Properties:
-    return dataclasses.replace(properties, obstacles=encode(scene.obstacles, cable.radius))
+    return dataclasses.replace(properties, obstacles=encode(scene.obstacles, cable.radius, cable.name))
 
 
 def size(scene: Scene, cable: Cable, environment: Environment, force: float) -> float:
     return cable.radius / cable.length
 
 
-def encode(obstacles: Sequence[Obstacle], radius: float) -> np.ndarray:
-    """The obstacles (n, WIDTH) as `distance.gap` takes them, SI, each in its link's frame."""
+def encode(obstacles: Sequence[Obstacle], radius: float, cable: str = "") -> np.ndarray:
+    """The obstacles (n, WIDTH) as `distance.gap` takes them, SI, each in its link's frame.
+
+    One that the cable of this name leaves out keeps its row, as a point that is far away.
+    """
     out = np.zeros((len(obstacles), WIDTH))
     for row, obstacle in zip(out, obstacles, strict=True):
         shape = obstacle.shape
         turn = np.eye(3)
+        if cable in obstacle.left_out_by:
+            row[SHAPE], row[AXES:DIMENSIONS], row[OFFSET] = SPHERE, turn.ravel(), -FAR
+            continue
         if isinstance(shape, Sphere):
             row[SHAPE], row[CENTRE:AXES], row[DIMENSIONS] = SPHERE, shape.center, shape.radius
         elif isinstance(shape, Plane):
@@ -68,7 +76,7 @@ def encode(obstacles: Sequence[Obstacle], radius: float) -> np.ndarray:
             row[SHAPE], row[CENTRE:AXES], row[DIMENSIONS:OFFSET] = BOX, shape.center, 0.5 * shape.size
             turn = matrix_from_ros(shape.orientation)
         row[AXES:DIMENSIONS] = turn.ravel()
-        row[OFFSET] = radius if obstacle.cable_radius_counts else 0.0
+        row[OFFSET] = obstacle.margin + (radius if obstacle.cable_radius_counts else 0.0)
     return out
 
 

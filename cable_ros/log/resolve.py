@@ -110,7 +110,7 @@ def logged_scene(log: LogReader) -> Scene:
         raise LogError(
             f"{source} names a URDF, and the log holds none (attachment '{URDF}'); name a scene with --with."
         )
-    return load_scene(values, urdf=log.urdf_text)
+    return load_scene(values, urdf=log.urdf_text, meshes=False)
 
 
 def logged_tolerance(log: LogReader, default: float = 1e-4) -> float:

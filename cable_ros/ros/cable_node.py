@@ -124,6 +124,10 @@ class CableNode(Node):
         self.get_logger().info(
             f"Ready after {seconds:.1f} s: {self._source.path} with the cables {names}; joints: {joints}."
         )
+        for note in scene.notes:
+            self.get_logger().info(note)
+        if tracker.robot_overlaps.unknown:
+            self.get_logger().warning(tracker.robot_overlaps.unknown)
         logging = self._out.recorder.on
         if logging:  # a log holds one scene
             self._out.stop_log()

@@ -36,9 +36,9 @@ class Kinematics:
         )
         self._shape = (len(scene.cables), 2, 7)
         self._clamp_poses = self._clamps.poses.reshape(self._shape)
-        self._obstacles = _Frames(
-            [o.link for o in scene.obstacles], np.tile(_IDENTITY, (len(scene.obstacles), 1))
-        )
+        carriers = list(dict.fromkeys(obstacle.link for obstacle in scene.obstacles))
+        self._obstacles = _Frames(carriers, np.tile(_IDENTITY, (len(carriers), 1)))
+        self._carrier = np.array([carriers.index(obstacle.link) for obstacle in scene.obstacles], dtype=int)
         self.joint_names = ()
         links = [
             link for frames in (self._clamps, self._obstacles) for link in frames.links if link is not None
@@ -114,14 +114,14 @@ class Kinematics:
 
         Positions, quaternions and `q` as in `poses`.
         """
-        return self._update(self._obstacles, q).copy()
+        return self._update(self._obstacles, q)[self._carrier]
 
     def obstacle_jacobians(self, q: np.ndarray) -> np.ndarray:
         """Velocity (n_obstacles, 6, n_joints) of the origin of each obstacle's link per joint rate.
 
         As in `jacobians`.
         """
-        return self._jacobians(self._obstacles, q)
+        return self._jacobians(self._obstacles, q)[self._carrier]
 
 
 class _Frames:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from cable_ros.scene.caps import MOST_CABLES, MOST_OBSTACLES, MOST_URDF_CHARACTE
 from cable_ros.scene.errors import SceneError, suggestion
 from cable_ros.scene.fields import Field, Size, vector
 from cable_ros.scene.model import EFFECTS, Cable, Robot, Scene
-from cable_ros.scene.obstacles import OBSTACLE, RADIUS_WORDS, read_obstacles
+from cable_ros.scene.obstacles import OBSTACLE, RADIUS_WORDS, Obstacle, read_obstacles
 from cable_ros.scene.placement import read_link
 from cable_ros.scene.section import Section, describe, plain
 from cable_ros.scene.text import check_amount, parse_yaml, read_text
@@ -71,13 +71,16 @@ SCENE = (
 """The fields of a scene file; those of mappings and lists are in `Field.inner`."""
 
 
-def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str | None = None) -> Scene:
+def load_scene(
+    scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str | None = None, meshes: bool = True
+) -> Scene:
     """Read a scene.
 
     Args:
         scene: path of a YAML file, or a mapping with the same fields. In a mapping, `robot.urdf` is
             relative to the working directory; in a file, to the file.
         urdf: the text of a URDF, as the topic robot_description has it; takes the place of `robot.urdf`.
+        meshes: whether mesh files that the URDF names may be opened.
 
     Raises:
         SceneError: one sentence with file, field and remedy.
@@ -94,7 +97,7 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
     top = Section(values, source, "", SCENE)
     # A mapping is made by a program, which may well compute with a weight that no planet has.
     gravity = top.vector("gravity", 3, bounded=path is not None)
-    robot = _robot(top, path, urdf)
+    robot = _robot(top, path, urdf, meshes)
     links = link_names(robot.urdf, robot.source) if robot else None
     cables: list[Cable] = []
     for i, entry in enumerate(top.items("cables", MOST_CABLES)):
@@ -109,11 +112,20 @@ def load_scene(scene: str | os.PathLike[str] | Mapping[str, Any], *, urdf: str |
                     f"'{cable.name}' is already the name of cables[{j}]; give each cable its own name",
                 )
         cables.append(cable)
+
+    def of_robot(section: Section) -> Sequence[Obstacle]:
+        from cable_ros.scene import robot_obstacles  # SciPy's rotations take a quarter of a second
+
+        nonlocal robot
+        robot, found = robot_obstacles.read(section, robot, cables)
+        return found
+
     obstacles = read_obstacles(
         top.items("obstacles", MOST_OBSTACLES),
         source,
         lambda section: read_link(section, links),
         top.choice("cable_radius"),
+        of_robot,
     )
     friction_model = top.choice("friction_model")
     effects = _effects(top)
@@ -163,10 +175,10 @@ def _effects(top: Section) -> str | tuple[str, ...]:
     return tuple(value)
 
 
-def _robot(top: Section, path: Path | None, urdf: str | None) -> Robot | None:
+def _robot(top: Section, path: Path | None, urdf: str | None, meshes: bool) -> Robot | None:
     section = Section(top.values["robot"], top.source, "robot", ROBOT) if "robot" in top else None
     if urdf is not None:
-        return Robot(urdf, "robot description")
+        return Robot(urdf, "robot description", meshes=meshes)
     if section is None:
         return None
     name = section.text("urdf")

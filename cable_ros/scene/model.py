@@ -75,6 +75,18 @@ class Cable:
         return self.start, self.end
 
 
+@dataclass(frozen=True)
+class MeshFit:
+    """How well solids stand for a mesh of a link's collision geometry."""
+
+    link: str
+    solids: int
+    outside: float
+    """How far they stand out of the mesh, m."""
+    bare: float
+    """How far the mesh stands out of them, m."""
+
+
 @dataclass(frozen=True, eq=False)
 class Robot:
     """The robot's description."""
@@ -85,6 +97,12 @@ class Robot:
     """Where it comes from, for messages."""
     path: Path | None = None
     """Its file; None where the text was given."""
+    named: frozenset[str] = frozenset()
+    """Links that the scene's obstacles speak of, those that they leave out by name included."""
+    fits: tuple[MeshFit, ...] = ()
+    """Meshes that `urdf` has solids for."""
+    meshes: bool = True
+    """Whether mesh files that it names may be opened."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +124,21 @@ class Scene:
     """coulomb: stick and slip; sliding: fully mobilised against the end's motion, (53) of Liu et al."""
     effects: str | tuple[str, ...] = "all"
     """auto: what matters at the tolerance; all: what has numbers in the scene; or some of `EFFECTS`."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about what became of the robot's links as obstacles; mostly none."""
+        held = [
+            f"Cable '{cable}' passes through '{obstacle.name}', in which it is clamped."
+            for obstacle in self.obstacles
+            for cable in obstacle.left_out_by
+        ]
+        fits = [
+            f"The mesh of '{fit.link}', as {fit.solids} solid{'s'[: fit.solids - 1]}: they stand out of it "
+            f"by up to {fit.outside * 1e3:.3g} mm, it out of them by up to {fit.bare * 1e3:.2g} mm."
+            for fit in (self.robot.fits if self.robot else ())
+        ]
+        return (*fits, *held)
 
     def __repr__(self) -> str:
         cables, obstacles = (", ".join(one.name for one in many) for many in (self.cables, self.obstacles))

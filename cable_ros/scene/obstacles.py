@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
 
+from cable_ros.scene.caps import MOST_OBSTACLES
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.fields import MILLIMETRES, Field, Size, vector
 from cable_ros.scene.placement import LINK, ROTATION, rotation
@@ -128,6 +129,16 @@ class Obstacle:
     """Link of the robot that carries it; None: fixed in the world."""
     cable_radius_counts: bool = True
     """Whether the cable's surface touches it, or, as in Liu et al. (2018), its centreline."""
+    margin: float = 0.0
+    """By which its surface stands out of the shape, m."""
+    left_out_by: tuple[str, ...] = ()
+    """Names of the cables that pass through it: those that are clamped in it."""
+
+
+FRICTION_FIELD = Field(
+    "friction", "number", "the coefficient of friction, such as 0.35",
+    "Coefficient of friction between the cable and it.", "0.35", default=0.0, size=FRICTION,
+)  # fmt: skip
 
 
 def _point(name: str, meaning: str, example: str) -> Field:
@@ -163,6 +174,22 @@ BOX = (
         "Whole edge lengths along its own axes.", "[0.2, 0.1, 0.05]", size=EDGE,
     ),
     *(dataclasses.replace(field, default=None, absent="not turned") for field in ROTATION),
+)  # fmt: skip
+
+ROBOT_LINKS = (
+    Field(
+        "links", "text or list of texts", "all, or a list of links", "Links whose collision geometry it is.",
+        "[turret]", default="all", extent="`all`, or links of the URDF with collision geometry",
+    ),
+    Field(
+        "except", "list of texts", "a list of links", "Links that are left out of these.", "[camera]",
+        default=(), absent="none", extent="links of the URDF",
+    ),
+    dataclasses.replace(FRICTION_FIELD, meaning="Coefficient of friction between the cable and the links."),
+    Field(
+        "margin", "number", "metres", "By how much the surfaces stand out of the geometry.", "0.002",
+        default=0.0, size=Size("m", 0.0, 1.0, too_high=MILLIMETRES),
+    ),
 )  # fmt: skip
 
 
@@ -216,7 +243,10 @@ def _shape(name: str, meaning: str, example: str, inner: tuple[Field, ...]) -> F
 
 
 OBSTACLE = (
-    Field("name", "text", "a name, such as bracket", "Name, for messages and markers.", "bracket"),
+    Field(
+        "name", "text", "a name, such as bracket", "Name, for messages and markers.", "bracket",
+        absent="required, but for a robot, whose obstacles have the links' names",
+    ),
     _shape("sphere", "A ball.", "{center: [0.092, 0.010, -0.095], radius: 0.045}", SPHERE),
     _shape("plane", "A half space.", "{point: [0, 0, 0], normal: [0, 0, 1]}", PLANE),
     _shape(
@@ -229,9 +259,10 @@ OBSTACLE = (
     ),
     _shape("box", "A solid box.", "{center: [0.1, 0, 0.3], size: [0.2, 0.1, 0.05]}", BOX),
     Field(
-        "friction", "number", "the coefficient of friction, such as 0.35",
-        "Coefficient of friction between the cable and it.", "0.35", default=0.0, size=FRICTION,
+        "robot", "mapping", "{links: all}, or which links", "The collision geometry of the robot's links.",
+        "{links: all, except: [camera], friction: 0.2}", None, "another shape", inner=ROBOT_LINKS,
     ),
+    FRICTION_FIELD,
     LINK,
     Field(
         "cable_radius", "text", " or ".join(RADIUS_WORDS), "The scene's `cable_radius`, for this obstacle.",
@@ -241,8 +272,9 @@ OBSTACLE = (
 
 
 def read_obstacles(
-    entries: list[Any], source: str, check_link: Callable[[Section], str | None], cable_radius: str
-) -> tuple[Obstacle, ...]:
+    entries: list[Any], source: str, check_link: Callable[[Section], str | None], cable_radius: str,
+    of_robot: Callable[[Section], Iterable[Obstacle]],
+) -> tuple[Obstacle, ...]:  # fmt: skip
     """The obstacles of a scene.
 
     Args:
@@ -250,35 +282,44 @@ def read_obstacles(
         source: how messages name the scene.
         check_link: reads and checks a section's `link`.
         cable_radius: the scene's own, for obstacles that do not say.
+        of_robot: the obstacles of a section with `robot`.
 
     Raises:
         SceneError: one sentence with file, field and remedy.
     """
     out: list[Obstacle] = []
+    places: dict[str, str] = {}
     for i, entry in enumerate(entries):
         section = Section(entry, source, f"obstacles[{i}]", OBSTACLE)
-        name = section.text("name")
-        for j, other in enumerate(out):
-            if other.name == name:
+        given = [kind for kind in (*_SHAPES, "robot") if kind in section]
+        if len(given) != 1:
+            _wrong_count(section, given)
+        counts = section.choice("cable_radius", cable_radius) == "count"
+        if given == ["robot"]:
+            found = [dataclasses.replace(one, cable_radius_counts=counts) for one in of_robot(section)]
+        else:
+            name, shape = section.text("name"), _SHAPES[given[0]](section.inner(given[0]))
+            friction, link = section.number("friction"), check_link(section)
+            found = [Obstacle(name, shape, friction, link, counts)]
+        for one in found:
+            if one.name in places:
                 raise SceneError(
                     source,
                     section.at("name"),
-                    f"'{name}' is already the name of obstacles[{j}]; give each obstacle its own name",
+                    f"'{one.name}' is already the name of {places[one.name]}; "
+                    "give each obstacle its own name",
                 )
-        counts = section.choice("cable_radius", cable_radius) == "count"
-        friction, link = section.number("friction"), check_link(section)
-        out.append(Obstacle(name, _read_shape(section), friction, link, counts))
+        places |= {one.name: f"obstacles[{i}]" for one in found}
+        out += found
+    if len(out) > MOST_OBSTACLES:
+        raise SceneError(
+            source, "obstacles", f"these are {len(out)} obstacles, more than {MOST_OBSTACLES}; leave some out"
+        )
     return tuple(out)
 
 
-def _read_shape(section: Section) -> Shape:
-    given = [kind for kind in _SHAPES if kind in section]
-    if len(given) != 1:
-        _wrong_count(section, given)
-    return _SHAPES[given[0]](section.inner(given[0]))
-
-
 def _wrong_count(section: Section, given: list[str]) -> NoReturn:
-    shapes = f"{', '.join(list(_SHAPES)[:-1])} or {list(_SHAPES)[-1]}"
+    kinds = (*_SHAPES, "robot")
+    shapes = f"{', '.join(kinds[:-1])} or {kinds[-1]}"
     what = f"both {' and '.join(given)} are given" if given else "it has no shape"
     section.fail(f"{what}; give exactly one of {shapes}")

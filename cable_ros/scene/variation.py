@@ -36,7 +36,9 @@ def vary(scene: Scene, changes: Mapping[str, float]) -> Scene:
         for place in places:
             _replace(place, inner, value, scene.source, path)
     try:
-        return load_scene(values, urdf=scene.robot.urdf if scene.robot else None)
+        robot = scene.robot
+        meshes = robot is None or robot.meshes
+        return load_scene(values, urdf=robot.urdf if robot else None, meshes=meshes)
     except SceneError as error:
         varied = ", ".join(f"{path} = {value:g}" for path, value in changes.items())
         raise SceneError(f"{scene.source} with {varied}", error.field, error.message) from None

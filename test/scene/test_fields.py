@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import shutil
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -78,8 +78,11 @@ def scene_with(place: Place, value: Any) -> dict[str, Any]:
 
 
 def load(values: dict[str, Any], folder: Any) -> Scene:
-    """Read as a file, where all bounds hold."""
-    shutil.copy(URDF, folder)
+    """Read as a file, where all bounds hold, with a robot whose visual geometry is its collision geometry."""
+    text = Path(URDF).read_text(encoding="utf-8").replace("visual>", "collision>")
+    (folder / Path(URDF).name).write_text(text)
+    if values.get("robot") == {"urdf": URDF}:
+        values = {**values, "robot": {"urdf": Path(URDF).name}}
     file = folder / "scene.yaml"
     file.write_text(yaml.safe_dump(values))
     return load_scene(file)
@@ -107,7 +110,11 @@ def test_each_is_required_or_not_as_told(place, field, tmp_path):
     for step in place[:-1]:
         at = at[step]
     del at[place[-1]]
-    if field.default is REQUIRED or "required" in field.absent or place[-1] in SHAPES:
+    if (
+        field.default is REQUIRED
+        or "required" in field.absent
+        or (place[-1] in SHAPES and place != ("robot",))
+    ):
         with pytest.raises(SceneError):
             load(values, tmp_path)
     elif place != ("robot",):
@@ -145,7 +152,7 @@ def test_a_default_is_what_leaving_it_out_means(place, field, tmp_path):
 def test_nothing_that_a_scene_holds_is_without_a_field():
     """The dataclasses' fields have the names of the file's, but for what is made of several."""
     names = {path[-1] for path, _ in ALL}
-    made = {"text", "path", "source", "shape", "cable_radius_counts"}
+    made = {"text", "path", "source", "shape", "cable_radius_counts", "left_out_by"}
     held = {one.name for kind in (Scene, Cable, Obstacle) for one in dataclasses.fields(kind)}
     assert held - names == made
 

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A hose from forearm to flange of a UR10 among the robot's own links, through a pick-and-place.
+
+python benchmarks/dress_pack.py           counts, depths, times
+python benchmarks/dress_pack.py --plot F  and a picture of some poses in the file F
+
+The arm with its meshes is that of example-robot-data: pip install -e '.[robot,plot,mesh,benchmarks]'
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_ros import Tracker, load_scene
+
+FOLDER = "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf"
+JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+STOPS = np.array([
+    [0.0, -1.2, 1.6, -1.9, -1.57, 0.0], [0.0, -0.9, 1.7, -2.3, -1.57, np.pi],
+    [0.8, -1.2, 1.5, -1.8, -1.57, 0.0], [1.6, -0.9, 1.7, -2.3, -1.57, -np.pi],
+    [0.8, -1.3, 1.6, -1.8, -1.2, 0.0], [0.0, -1.2, 1.6, -1.9, -1.57, 0.0],
+])  # fmt: skip
+POSES = 75
+
+
+def urdf() -> Path:
+    """Path of the UR10's URDF. Raises FileNotFoundError where the package is missing."""
+    for place in sys.path:
+        path = Path(place, FOLDER, "ur10_robot.urdf")
+        if path.is_file():
+            return path
+    raise FileNotFoundError("the arm's meshes are missing: pip install example-robot-data")
+
+
+def scene(robot: dict[str, Any] | None) -> dict[str, Any]:
+    """The hose, with the robot's links as obstacles where `robot` says which."""
+    hose = {
+        "name": "hose", "length": 0.95, "linear_density": 0.25, "outer_diameter": 0.016,
+        "stiffness": [0.15, 0.15, 0.12], "total_twist": 0.0,
+        "start": {"link": "forearm_link", "position": [-0.1, 0.0, 0.3], "rpy": [0, 0, 0]},
+        "end": {"link": "wrist_3_link", "position": [-0.09, 0.1, 0.0], "rpy": [0, np.pi / 2, 0]},
+    }  # fmt: skip
+    values: dict[str, Any] = {"robot": {"urdf": str(urdf())}, "gravity": [0, 0, -9.80665], "cables": [hose]}
+    return values | ({"obstacles": [{"robot": robot}]} if robot is not None else {})
+
+
+def poses() -> np.ndarray:
+    """(POSES, 6) along the way from stop to stop."""
+    at = np.linspace(0.0, len(STOPS) - 1, POSES)
+    return np.column_stack([np.interp(at, np.arange(len(STOPS)), column) for column in STOPS.T])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--plot", help="file of the picture")
+    args = parser.parse_args()
+    begin = time.perf_counter()
+    judge = Tracker(load_scene(scene(None)))
+    print(f"fits {time.perf_counter() - begin:.1f} s, solids beside: {len(judge.robot_overlaps._obstacles)}")
+    shapes: dict[str, list[Any]] = {}
+    for name, robot in (("free", None), ("links", {"friction": 0.0}), ("friction", {"friction": 0.2})):
+        loaded = load_scene(scene(robot))
+        if name == "links":
+            print("\n".join(loaded.notes), len(loaded.obstacles), "solids")
+        tracker = Tracker(loaded)
+        times, statuses, clear, worst = [], {}, 0, 0.0
+        for q in poses():
+            joints = {f"{joint}_joint": float(value) for joint, value in zip(JOINTS, q, strict=True)}
+            begin = time.perf_counter()
+            found = tracker.arrive(joints)["hose"]
+            times.append(time.perf_counter() - begin)
+            statuses[found.status.name] = statuses.get(found.status.name, 0) + 1
+            if not found.status.trusted and statuses[found.status.name] == 1:
+                print("   ", found.message)
+            shapes.setdefault(name, []).append((joints, found))
+            if found.status.trusted:
+                marked = {"hose": copy.copy(found)}
+                object.__setattr__(marked["hose"], "overlaps", ())
+                judge.robot_overlaps.mark(marked, joints, lambda _, found=found: found.points)
+                depth = max((o.contact_distance - o.distance for o in marked["hose"].overlaps), default=0.0)
+                worst, clear = max(worst, depth), clear + (depth < 1e-5)
+        print(
+            f"{name}: {statuses}, clear of all solids {clear} of {POSES}, deepest {worst * 1e3:.2f} mm, "
+            f"median {np.median(times) * 1e3:.2f} ms, largest {max(times):.2f} s"
+        )
+    if args.plot:
+        draw(judge, shapes, args.plot)
+
+
+def draw(judge: Tracker, shapes: dict[str, list[Any]], file: str) -> None:
+    """Hose and the points of the links' solids at six poses, seen along y."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    from cable_ros.drawing.robot import moved
+    from cable_ros.drawing.silhouettes import silhouette
+
+    figure, axes = plt.subplots(2, 3, figsize=(18, 12))
+    robot = judge.robot_overlaps
+    for axis, index in zip(axes.flat, np.linspace(0, POSES - 1, 6).astype(int), strict=True):
+        joints = shapes["free"][index][0]
+        links = robot._kinematics.obstacle_poses(np.array([joints[n] for n in robot._kinematics.joint_names]))
+        for obstacle, pose in zip(robot._obstacles, links, strict=True):
+            corners = silhouette(moved(obstacle.shape, pose), 0, 2, np.zeros(3), np.ones(3))
+            axis.fill(*corners.T, color="0.6", alpha=0.3)
+        for name, colour in (("free", "C3"), ("links", "C0")):
+            axis.plot(*shapes[name][index][1].points[:, [0, 2]].T, colour, label=name)
+        axis.set(aspect="equal", title=f"pose {index}", xlabel="x [m]", ylabel="z [m]")
+        axis.legend()
+    figure.savefig(file, dpi=60)
+
+
+if __name__ == "__main__":
+    main()
