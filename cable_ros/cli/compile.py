@@ -24,7 +24,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "compile",
         "compile the solver, at installation",
         "Compile what a scene needs, or without one what any scene may need, and keep it: the first start "
-        "of the node would otherwise wait for it.",
+        "of the node would otherwise wait for it. The meshes of a scene's robot are fitted by solids, too.",
         EXAMPLE,
     )
     parser.add_argument(
@@ -47,7 +47,13 @@ def run(args: argparse.Namespace) -> int:
     if args.scene is None:
         rehearse_all()
     else:
-        warm_up(Tracker(load_scene(args.scene)))
+        scene = load_scene(args.scene)
+        if scene.robot is not None and "<mesh" in scene.robot.urdf:
+            from cable_ros.scene.robot_obstacles import fit_meshes
+
+            for sentence in fit_meshes(scene.robot):
+                print(sentence)
+        warm_up(Tracker(scene))
     seconds = time.perf_counter() - begin
     if COMPILING.seconds:
         print(f"{what}: compiled in {seconds:.1f} s")

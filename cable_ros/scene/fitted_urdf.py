@@ -19,11 +19,16 @@ from cable_ros.scene.solids import Solid, facing
 from cable_ros.scene.urdf_tree import parse
 
 
-def with_solids(robot: Robot, links: Container[str]) -> Robot:
+def with_solids(robot: Robot, links: Container[str], fit_new: bool = True) -> Robot:
     """The robot with solids for the meshes of these links' collision geometry, and how well they fit.
 
+    Args:
+        robot: of a scene.
+        links: names of links.
+        fit_new: whether to fit meshes that have not been fitted before, which takes up to a minute each.
+
     Raises:
-        SceneError: a mesh cannot be used, or a library is missing.
+        SceneError: a mesh cannot be used, or is not fitted yet, or a library is missing.
     """
     root = parse(robot.urdf, robot.source)
     elements = {link.get("name", ""): link for link in root.findall("link")}
@@ -40,7 +45,7 @@ def with_solids(robot: Robot, links: Container[str]) -> Robot:
             path = mesh_files.find(file, robot.path.parent if robot.path else None)
         except FileNotFoundError as error:
             raise SceneError(robot.source, place, f"its mesh {file}: {error}") from None
-        fit = mesh_files.fitted(path, scale, robot.source, place)
+        fit = mesh_files.fitted(path, scale, robot.source, place, fit_new)
         fits.append(MeshFit(name, len(fit.solids), fit.outside, fit.bare))
         position, turn = origin_of(collision, robot.source, place)
         at = list(elements[name]).index(collision)

@@ -60,16 +60,17 @@ def find(name: str, folder: Path | None) -> Path:
     return folder / path
 
 
-def fitted(path: Path, scale: np.ndarray, source: str, place: str) -> Fit:
+def fitted(path: Path, scale: np.ndarray, source: str, place: str, fit_new: bool = True) -> Fit:
     """Solids for the mesh in a file, from the cache if it is known there.
 
     Args:
         path: of an STL, DAE or OBJ file.
         scale: (3,) factors along the mesh's axes.
         source, place: how messages name the URDF, and the collision in it.
+        fit_new: whether to fit solids that are not kept yet.
 
     Raises:
-        SceneError: one sentence: the file cannot be used, or a library is missing.
+        SceneError: one sentence: the file cannot be used, its solids are not kept, or a library is missing.
     """
     data = _read(path, source, place)
     try:
@@ -82,6 +83,10 @@ def fitted(path: Path, scale: np.ndarray, source: str, place: str) -> Fit:
     kept = cache_folder() / f"{key.hexdigest()}.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         return _fit(json.loads(kept.read_text(encoding="utf-8")))
+    if not fit_new:
+        raise SceneError(
+            source, place, f"its mesh {path} has no solids yet; cable compile SCENE fits them, once"
+        )
     mesh = _mesh(data, path, scale, source, place)
     logging.getLogger(__name__).warning("Fitting solids to %s, once: up to a minute.", path)
     found = mesh_fit.fit(mesh)

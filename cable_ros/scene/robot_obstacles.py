@@ -76,7 +76,7 @@ def beside(
     unknown: dict[str, str] = {}
     for link in sorted(links):
         try:
-            robot = with_solids(robot, {link})
+            robot = with_solids(robot, {link}, fit_new=False)
             solids += pieces(robot.urdf, robot.source, {link})
         except SceneError as error:
             unknown[link] = str(error)
@@ -85,6 +85,15 @@ def beside(
         Obstacle(name, piece.shape, 0.0, piece.link, left_out_by=clamped.within(piece))
         for name, piece in named(solids)
     ], unknown
+
+
+def fit_meshes(robot: Robot) -> Iterator[str]:
+    """Fit the meshes of all links, which are then kept; yields why a link's cannot be fitted."""
+    for link in link_names(robot.urdf, robot.source):
+        try:
+            with_solids(robot, {link})
+        except SceneError as error:
+            yield str(error)
 
 
 def named(solids: Sequence[Piece]) -> Iterator[tuple[str, Piece]]:

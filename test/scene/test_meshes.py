@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cable_ros.robot_overlaps import RobotOverlaps
 from cable_ros.scene import Capsule, SceneError, load_scene
+from cable_ros.scene.robot_obstacles import fit_meshes
 from cable_ros.scene.solids import distances
 
 trimesh = pytest.importorskip("trimesh", reason="collision meshes need the extra 'mesh'")
@@ -216,3 +219,14 @@ def test_a_log_opens_no_mesh(tmp_path):
     values = {"gravity": [0, 0, 0], "cables": [{**cable, "end": clamp}], "obstacles": [{"robot": {}}]}
     with pytest.raises(SceneError, match="its mesh is a file, which is not opened for a log"):
         load_scene(values, urdf=urdf(tmp_path / "elbow.stl"), meshes=False)
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_the_scene_does_not_ask_for_is_not_fitted_until_told_to(tmp_path):
+    """No start of a node waits a minute for advice; `cable compile` fits, and then it is compared."""
+    elbow().export(tmp_path / "elbow.stl")
+    without = scene(tmp_path, urdf("elbow.stl"), obstacles=())
+    told = RobotOverlaps(without, ()).unknown
+    assert re.search("Cables are not compared with base: .*has no solids yet; cable compile SCENE", told)
+    assert list(fit_meshes(without.robot)) == []
+    assert RobotOverlaps(without, ()).unknown == ""
