@@ -136,7 +136,50 @@ def free_over_drum() -> Case:
     )  # fmt: skip
 
 
+def past_bifurcation() -> Case:
+    """A planar cable leaves its plane within a step: no factors of the step showed that it was not stable."""
+    cable = {
+        "stiffness": [1.0, 1.0, 0.75], "outer_diameter": 0.01, "start": clamp(0.0, 0.005, LYING),
+        "end": clamp(0.6, 0.005, LYING),
+    }  # fmt: skip
+    moves = [{"z": 0.05 * k} for k in (0, 1, 2, 3, 4, 3, 2, 1, 0)]
+    return led(
+        "a planar cable is lifted past a symmetric bifurcation", "verified", scene(cable, 20.0, GROUND, 0.1),
+        moves, statuses=TRUSTED, baselines=False,
+        polyline_points=401,
+    )  # fmt: skip
+
+
+def off_beam() -> Case:
+    """Springs at samples let the cable hang on an edge between two of them, where nothing holds it."""
+    cable = {
+        "stiffness": [1.0, 1.0, 0.75], "outer_diameter": 0.01, "start": clamp(-0.25, 0.0, LYING),
+        "end": clamp(0.25, 0.0, LYING),
+    }  # fmt: skip
+    beam = {"box": {"center": [0.0, 0.0, -0.3], "size": [0.04, 1.0, 0.4]}}
+    moves = [{"x": 0.0125 * k} for k in (0, 1, 2, 1, 0)]
+    return led(
+        "a heavy loop slides off a narrow beam", "verified", scene(cable, 200.0, beam, 0.0), moves,
+        statuses=TRUSTED, baselines=False,
+        polyline_points=401,
+    )  # fmt: skip
+
+
+def in_slot() -> Case:
+    """A step needs the grid of contacts; what it has of friction comes back to contact points."""
+    cable = {
+        "stiffness": [1.0, 1.0, 0.5], "outer_diameter": 0.02, "start": clamp(0.0, 0.0, LYING),
+        "end": clamp(0.9, 0.0, LYING),
+    }  # fmt: skip
+    floor = {"plane": {"point": [0.0, 0.0, -0.1], "normal": [0.0, 0.0, 1.0]}}
+    ceiling = {"plane": {"point": [0.0, 0.0, 0.1], "normal": [0.0, 0.0, -1.0]}}
+    slot = scene(cable, 50.0, floor, 0.8)
+    slot["obstacles"].append({"name": "ceiling", "friction": 0.8, **ceiling})
+    moves = [{"z": 0.01 * k} for k in (0, 1, 2, 1, 0, -1, -2, -1, 0)]
+    return led("a cable in a rough slot", "verified", slot, moves, baselines=False, polyline_points=401)
+
+
 DRAWN: tuple[Case, ...] = (
     pressed_down(), above_ground(), flat(), beside_clamp(), resting_clamp(), thin_floor(), free_to_turn(),
-    free_over_drum(),
+    free_over_drum(), past_bifurcation(), off_beam(), in_slot(),
 )  # fmt: skip
