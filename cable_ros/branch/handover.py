@@ -15,6 +15,7 @@ from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
+from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.initial_shapes import starts
 from cable_ros.rod.kirchhoff import Rod
@@ -39,6 +40,9 @@ EXACT_WORK = 60_000.0
 """Maximum budget of a search for the accurate equilibrium beside one on a grid."""
 LEVEL = 0.1
 """Maximum gap of a contact on the grid, in spacings squared per length: the grid resolves no less."""
+PATCH, MOVED = 4, 5e-4
+"""Maximum number of points of a patch on the grid, and motion, L, of contact points, with which friction is
+handed from the grid to contact points."""
 HELD_SOLVES = 2
 """Number of solves with friction held constant: the first may change the contacts."""
 TRIES = 3
@@ -92,8 +96,13 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
 
 
 def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
-    """As `exact`. Friction is held first, while the shape becomes exact, and then obeys its law again."""
+    """As `exact`. Friction is held constant until the shape is accurate; then it obeys its law again.
+
+    None along longer patches: friction that is held, not what sticks, would let the cable drift there.
+    """
     assert rod.obstacles is not None
+    if _longest_patch(rod.lies_on(LEVEL)) > PATCH:
+        return None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
     new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
@@ -113,7 +122,32 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     if code != warm_step.ADVANCED:
         return None
     found, estimate = refine(Found.at(new, q, F), tolerance)
-    return found if estimate <= tolerance and not found.rod.forgot and _same(rod, found) else None
+    if estimate > tolerance or found.rod.forgot or not _same(rod, found):
+        return None
+    return found if _displacement(rod, found) < MOVED else None
+
+
+def _longest_patch(lies: np.ndarray) -> int:
+    """Largest number of points in a row, along axis 0 of (m + 1, o), that lie on one obstacle."""
+    longest = run = np.zeros(lies.shape[1], int)
+    for row in lies:
+        run = np.where(row, run + 1, 0)
+        longest = np.maximum(longest, run)
+    return int(longest.max(initial=0))
+
+
+def _displacement(rod: NodalRod, found: Found) -> float:
+    """Largest distance, L, of the contact points of `found` from the same points of the grid's cable."""
+    new = found.rod
+    assert isinstance(new, TouchingRod)
+    new.trace(found.q)
+    arc_lengths, here = np.append(rod.s0, 1.0), np.empty(3)
+    largest = 0.0
+    for s in new.points[: new.count, ARC_LENGTH]:
+        position(new.c, new.h, new.s0, s, here)
+        there = [np.interp(s, arc_lengths, rod.state.r[:, a]) for a in range(3)]
+        largest = max(largest, float(np.linalg.norm(here - there)))
+    return largest
 
 
 def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndarray, np.ndarray, int] | None:

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From contact points to the grid of contacts and back: the equilibrium and its friction stay."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from zoo_drawn import in_slot
+
+from cable_ros import Tracker
+from cable_ros.bench.cases import Case, case_scene
+from cable_ros.branch import handover
+from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
+from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.points import FORCE, FRICTION
+from cable_ros.contact.touching_rod import TouchingRod
+
+
+def led(case: Case, poses: int) -> TrackedEquilibrium:
+    """The case's cable after so many poses, in contact with friction."""
+    tracker = Tracker(case_scene(case), tolerance=1e-6)
+    for pose in case.path[:poses]:
+        tracker.arrive(pose)
+    (cable,) = tracker._tracked_cables
+    assert isinstance(cable.rod, TouchingRod)
+    assert cable.rod.frictional
+    return cable
+
+
+@pytest.mark.parametrize("poses", [2, 3, 4])
+def test_there_and_back_is_the_same(poses: int) -> None:
+    """The truth is what it started from; the grid's own error is a hundred times the tolerance and more."""
+    cable = led(in_slot(), poses)
+    rod = cable.rod
+    assert isinstance(rod, TouchingRod)
+    points = rod.points[: rod.count].copy()
+    force, moment = cable._F.copy(), rod.g[-1].copy()
+    grid = handover.nodal(rod, cable._q, cable._F)
+    assert isinstance(grid, NodalRod)
+    found = handover.exact(grid, 1e-6, COULOMB)
+    assert found is not None
+    assert isinstance(found.rod, TouchingRod)
+    back = found.rod.points[: found.rod.count]
+    # friction that the grid kept is off by what it lumps, and so is the wrench
+    near = grid.relative_error(grid.state.q, grid.state.F[-1])
+    assert near < 0.05
+    assert np.linalg.norm(found.F - force) < near * np.linalg.norm(force)
+    assert np.linalg.norm(found.rod.g[-1] - moment) < near * np.linalg.norm(force)
+    assert back[:, FORCE].sum() == pytest.approx(points[:, FORCE].sum(), rel=near)
+    # what sticks has its friction from cells to both sides of the point
+    total, before = (p[:, FRICTION : FRICTION + 3].sum(axis=0) for p in (back, points))
+    assert np.linalg.norm(total - before) < 2.0 * near * points[:, FORCE].sum()
