@@ -26,6 +26,17 @@ DRAWN = {
     (92, 1): "a drum pushed up into a cable: its branch is lost",
     (92, 7): "a start wrench on a rough edge is 6.8e-4 off",
     (92, 41): "a lift drawn back: friction's history is not known well enough",
+    (93, 2): "rollers without friction: the branch is lost",
+    (93, 16): "a contact on a tray is said to stick and moves",
+    (93, 17): "a weightless cable in a tray is lost in a long step",
+    (93, 35): "a tray, drawn together: a grid's error is too large",
+    (93, 46): "over an edge along itself: a grid's error is too large",
+    (94, 0): "a tray, along: a grid's error is too large for 67 poses",
+    (94, 3): "rough rollers: the branch is lost",
+    (94, 5): "a contact on a tray is said to stick and moves as it leaves the grid",
+    (94, 22): "a hose led across in one step: 5 % off, a grid's estimate is too small",
+    (94, 26): "a table, across: a grid's error is too large",
+    (94, 50): "a lift led aside: 4 % off in the first step",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 

@@ -40,9 +40,11 @@ EXACT_WORK = 60_000.0
 """Maximum budget of a search for the accurate equilibrium beside one on a grid."""
 LEVEL = 0.1
 """Maximum gap of a contact on the grid, in spacings squared per length: the grid resolves no less."""
-PATCH, MOVED = 4, 5e-4
-"""Maximum number of points of a patch on the grid, and motion, L, of contact points, with which friction is
-handed from the grid to contact points."""
+PATCH = 4
+"""Maximum number of points of a short patch on the grid."""
+MOVED, MOVED_PATCH = 5e-4, 2e-4
+"""Maximum motion, L, of contact points as friction is handed over to them from the grid: of points and short
+patches, and along longer ones, where it may stick in another place then."""
 HELD_SOLVES = 2
 """Number of solves with friction held constant: the first may change the contacts."""
 TRIES = 3
@@ -98,10 +100,13 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
 def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     """As `exact`. Friction is held constant until the shape is accurate; then it obeys its law again.
 
-    None along longer patches: friction that is held, not what sticks, would let the cable drift there.
+    None where anything sticks along a longer patch: friction that is held, not what sticks, would let the
+    cable drift there.
     """
     assert rod.obstacles is not None
-    if _longest_patch(rod.lies_on(LEVEL)) > PATCH:
+    sticks = (rod.state.lam > 0.0) & ~rod.sliding()
+    short = _longest_patch(rod.lies_on(LEVEL)) <= PATCH
+    if sticks.any() and not short:
         return None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
@@ -124,7 +129,7 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     found, estimate = refine(Found.at(new, q, F), tolerance)
     if estimate > tolerance or found.rod.forgot or not _same(rod, found):
         return None
-    return found if _displacement(rod, found) < MOVED else None
+    return found if _displacement(rod, found) < (MOVED if short else MOVED_PATCH) else None
 
 
 def _longest_patch(lies: np.ndarray) -> int:
