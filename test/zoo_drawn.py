@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from zoo_hose import LYING, UPRIGHT
 from zoo_make import led
 
-from cable_ros.bench.cases import TRUSTED, Case
+from cable_ros.bench.cases import TRUSTED, Case, Pose
 
 BACK = [0.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5)]
 """The clamp's tangent against x."""
@@ -31,6 +32,11 @@ def clamp(x: float, z: float, orientation: list[float]) -> dict[str, list[float]
     return {"position": [x, 0.0, z], "orientation": orientation}
 
 
+def drawn(name: str, mapping: dict[str, Any], moves: Sequence[Pose], **options: Any) -> Case:
+    """A verified path of the scene, looked at closely enough to see what dips between contacts."""
+    return led(name, "verified", mapping, moves, baselines=False, polyline_points=401, **options)
+
+
 def pressed_down() -> Case:
     """Springs in place of the table let a stiff cable through it."""
     cable = {
@@ -38,10 +44,7 @@ def pressed_down() -> Case:
         "end": clamp(0.3, 0.1, UPRIGHT),
     }  # fmt: skip
     moves = [{}, {"y": 0.02}, {"y": 0.04}, {"y": 0.02}, {}]
-    return led(
-        "a stiff loop pressed onto a table", "verified", scene(cable, 5.0, TABLE, 0.1), moves,
-        baselines=False, polyline_points=401,
-    )  # fmt: skip
+    return drawn("a stiff loop pressed onto a table", scene(cable, 5.0, TABLE, 0.1), moves)
 
 
 def above_ground() -> Case:
@@ -50,10 +53,7 @@ def above_ground() -> Case:
         "stiffness": [1.0, 1.0, 0.5], "start": clamp(0.0, 0.0, LYING), "end": clamp(0.6, 0.0, BACK),
     }  # fmt: skip
     moves = [{"y": 0.05 * k} for k in (0, 1, 2, 1, 0, -1, -2, -1, 0)]
-    return led(
-        "a loop beside the ground snaps over", "verified", scene(cable, 20.0, GROUND, 0.0), moves,
-        baselines=False, polyline_points=401,
-    )  # fmt: skip
+    return drawn("a loop beside the ground snaps over", scene(cable, 20.0, GROUND, 0.0), moves)
 
 
 def flat() -> Case:
@@ -62,10 +62,7 @@ def flat() -> Case:
         "stiffness": [1.0, 1.0, 1.0], "outer_diameter": 0.02, "start": clamp(0.0, 0.01, LYING),
         "end": clamp(0.7, 0.01, BACK),
     }  # fmt: skip
-    return led(
-        "a loop flat on rough ground", "verified", scene(cable, 20.0, GROUND, 0.3), [{}, {"y": 0.02}, {}],
-        baselines=False, polyline_points=401,
-    )  # fmt: skip
+    return drawn("a loop flat on rough ground", scene(cable, 20.0, GROUND, 0.3), [{}, {"y": 0.02}, {}])
 
 
 def beside_clamp() -> Case:
@@ -75,10 +72,7 @@ def beside_clamp() -> Case:
         "end": clamp(0.4, 0.01, BACK),
     }  # fmt: skip
     moves = [{"z": 0.05 * k, "x": -0.025 * k} for k in (0, 1, 2, 1, 0)]
-    return led(
-        "lifted off the ground beside its clamp", "verified", scene(cable, 20.0, GROUND, 0.5), moves,
-        baselines=False, polyline_points=401,
-    )  # fmt: skip
+    return drawn("lifted off the ground beside its clamp", scene(cable, 20.0, GROUND, 0.5), moves)
 
 
 def resting_clamp() -> Case:
@@ -89,10 +83,7 @@ def resting_clamp() -> Case:
     }  # fmt: skip
     table = {"box": {"center": [-0.35, 0.0, -0.25], "size": [1.3, 1.0, 0.5]}}
     moves = [{"x": 0.02 * k} for k in (0, 1, 2, 3, 4, 5, 2, 0)]
-    return led(
-        "lying from a clamp to a table's edge", "verified", scene(cable, 100.0, table, 0.0), moves,
-        baselines=False, polyline_points=401,
-    )  # fmt: skip
+    return drawn("lying from a clamp to a table's edge", scene(cable, 100.0, table, 0.0), moves)
 
 
 def thin_floor() -> Case:
@@ -103,10 +94,7 @@ def thin_floor() -> Case:
     }  # fmt: skip
     floor = {"box": {"center": [0.0, 0.0, -0.01], "size": [2.0, 1.0, 0.02]}}
     moves = [{}, {"y": 0.001}, {}, {"z": -0.01}]
-    return led(
-        "a weightless loop on a thin floor", "verified", scene(cable, 0.0, floor, 0.0), moves,
-        baselines=False, polyline_points=401,
-    )  # fmt: skip
+    return drawn("a weightless loop on a thin floor", scene(cable, 0.0, floor, 0.0), moves)
 
 
 def free_to_turn() -> Case:
@@ -114,11 +102,12 @@ def free_to_turn() -> Case:
     cable = {"stiffness": [1.0, 1.0, 0.5], "start": clamp(0.0, 0.0, LYING), "end": clamp(0.9, 0.0, LYING)}
     ceiling = {"plane": {"point": [0.0, 0.0, 0.1], "normal": [0.0, 0.0, -1.0]}}
     moves = [{"y": 0.01 * k} for k in (0, 1, 2, 1)]
-    return led(
-        "a weightless buckled cable turns against a ceiling", "verified", scene(cable, 0.0, ceiling, 0.5),
-        moves, statuses=TRUSTED, baselines=False,
-        polyline_points=401,
-    )  # fmt: skip
+    return drawn(
+        "a weightless buckled cable turns against a ceiling",
+        scene(cable, 0.0, ceiling, 0.5),
+        moves,
+        statuses=TRUSTED,
+    )
 
 
 def free_over_drum() -> Case:
@@ -129,11 +118,9 @@ def free_over_drum() -> Case:
     }  # fmt: skip
     drum = {"capsule": {"start": [0.0, -0.5, 0.0], "end": [0.0, 0.5, 0.0], "radius": 0.15}}
     moves = [{"y": 0.05 * k} for k in (0, 1, 2, 1, 0)]
-    return led(
-        "a weightless arch free to turn over a drum", "verified", scene(cable, 0.0, drum, 0.1), moves,
-        statuses=TRUSTED, baselines=False,
-        polyline_points=401,
-    )  # fmt: skip
+    return drawn(
+        "a weightless arch free to turn over a drum", scene(cable, 0.0, drum, 0.1), moves, statuses=TRUSTED
+    )
 
 
 def past_bifurcation() -> Case:
@@ -143,11 +130,12 @@ def past_bifurcation() -> Case:
         "end": clamp(0.6, 0.005, LYING),
     }  # fmt: skip
     moves = [{"z": 0.05 * k} for k in (0, 1, 2, 3, 4, 3, 2, 1, 0)]
-    return led(
-        "a planar cable is lifted past a symmetric bifurcation", "verified", scene(cable, 20.0, GROUND, 0.1),
-        moves, statuses=TRUSTED, baselines=False,
-        polyline_points=401,
-    )  # fmt: skip
+    return drawn(
+        "a planar cable is lifted past a symmetric bifurcation",
+        scene(cable, 20.0, GROUND, 0.1),
+        moves,
+        statuses=TRUSTED,
+    )
 
 
 def off_beam() -> Case:
@@ -158,11 +146,9 @@ def off_beam() -> Case:
     }  # fmt: skip
     beam = {"box": {"center": [0.0, 0.0, -0.3], "size": [0.04, 1.0, 0.4]}}
     moves = [{"x": 0.0125 * k} for k in (0, 1, 2, 1, 0)]
-    return led(
-        "a heavy loop slides off a narrow beam", "verified", scene(cable, 200.0, beam, 0.0), moves,
-        statuses=TRUSTED, baselines=False,
-        polyline_points=401,
-    )  # fmt: skip
+    return drawn(
+        "a heavy loop slides off a narrow beam", scene(cable, 200.0, beam, 0.0), moves, statuses=TRUSTED
+    )
 
 
 def in_slot() -> Case:
@@ -176,7 +162,7 @@ def in_slot() -> Case:
     slot = scene(cable, 50.0, floor, 0.8)
     slot["obstacles"].append({"name": "ceiling", "friction": 0.8, **ceiling})
     moves = [{"z": 0.01 * k} for k in (0, 1, 2, 1, 0, -1, -2, -1, 0)]
-    return led("a cable in a rough slot", "verified", slot, moves, baselines=False, polyline_points=401)
+    return drawn("a cable in a rough slot", slot, moves)
 
 
 DRAWN: tuple[Case, ...] = (

@@ -13,9 +13,9 @@ from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
+from cable_ros.contact.report import positions
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
-from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.initial_shapes import starts
 from cable_ros.rod.kirchhoff import Rod
@@ -80,11 +80,7 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
             break
         count, stage = TRIALS[rod.tried % len(TRIALS)]
         mesh = Mesh(first.element, np.full(count, 1.0 / count)) if count else first
-        new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
-        new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-        new.work = left
-        q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
-        q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
+        new, q = _started(rod, mesh, tolerance, left)
         result = _taken_over(new, q, rod) if stage is None else descend(new, q, rod.end_force, SETTLE, stage)
         left = new.work
         if result is not None:
@@ -110,11 +106,8 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
         return None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
-    new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
-    new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-    given = new.work = min(rod.work, EXACT_WORK)
-    q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
-    q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
+    given = min(rod.work, EXACT_WORK)
+    new, q = _started(rod, mesh, tolerance, given)
     q, F = _give_contacts(new, q, rod), rod.end_force
     friction = Friction.of(rod)
     for model in (*(FRICTIONLESS,) * HELD_SOLVES, COULOMB):
@@ -132,6 +125,16 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     return found if _displacement(rod, found) < (MOVED if short else MOVED_PATCH) else None
 
 
+def _started(rod: NodalRod, mesh: Mesh, tolerance: float, work: float) -> tuple[TouchingRod, np.ndarray]:
+    """A rod without contacts on the `mesh`, under the grid's conditions; the grid's shape (n, 4) on it."""
+    new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
+    new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    new.work = work
+    q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
+    q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
+    return new, q
+
+
 def _longest_patch(lies: np.ndarray) -> int:
     """Largest number of points in a row, along axis 0 of (m + 1, o), that lie on one obstacle."""
     longest = run = np.zeros(lies.shape[1], int)
@@ -146,13 +149,10 @@ def _displacement(rod: NodalRod, found: Found) -> float:
     new = found.rod
     assert isinstance(new, TouchingRod)
     new.trace(found.q)
-    arc_lengths, here = np.append(rod.s0, 1.0), np.empty(3)
-    largest = 0.0
-    for s in new.points[: new.count, ARC_LENGTH]:
-        position(new.c, new.h, new.s0, s, here)
-        there = [np.interp(s, arc_lengths, rod.state.r[:, a]) for a in range(3)]
-        largest = max(largest, float(np.linalg.norm(here - there)))
-    return largest
+    at, boundaries = new.points[: new.count, ARC_LENGTH].copy(), np.append(rod.s0, 1.0)
+    there = np.column_stack([np.interp(at, boundaries, rod.state.r[:, a]) for a in range(3)])
+    here = positions(new.c, new.h, new.s0, at)
+    return float(np.linalg.norm(here - there, axis=1).max(initial=0.0))
 
 
 def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndarray, np.ndarray, int] | None:

@@ -21,6 +21,7 @@ from cable_ros.branch.cold_start import (
 from cable_ros.branch.continuation import FREE_TO_TURN, SnapThrough
 from cable_ros.branch.extremes import Obstacles, extremes
 from cable_ros.branch.standing import Loss, Memory, Standing, alone, motion
+from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, placed
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
@@ -73,7 +74,7 @@ class TrackedEquilibrium(CableModel):
         self._estimate = self._margin = np.nan
         self._apart = np.inf
         self._memory: Memory | None = None
-        self._stays = self._longer = 0  # poses that the grid of contacts is kept; the same the next time
+        self._off_grid = Backoff(LONGEST_STAY)
 
     @property
     def lost(self) -> str:
@@ -155,8 +156,8 @@ class TrackedEquilibrium(CableModel):
         if isinstance(rod, NodalRod):
             self._estimate = rod.relative_error(self._q, self._F)
             rod = self._exactly(rod, status)
-        elif self._longer:
-            self._longer -= 1
+        else:
+            self._off_grid.shorten()
         if isinstance(rod, NodalRod):
             self._margin = rod.stability_margin()
             self._apart = self._closest_approach(poses[0])
@@ -237,7 +238,7 @@ class TrackedEquilibrium(CableModel):
         on_grid = handover.nodal(rod, q, F)
         if on_grid is not None:
             self._rod, self._q, self._F = on_grid, on_grid.shape, on_grid.end_force
-            self._stays = max(self._stays, 1)  # not back at once
+            self._off_grid.skip_next()
         return on_grid is not None
 
     def _exactly(self, rod: NodalRod, status: Status) -> Rod:
@@ -249,20 +250,20 @@ class TrackedEquilibrium(CableModel):
         rubs = self._model == COULOMB and rod.touches
         if rubs and (status is Status.UNFINISHED or self._passing):
             return rod
-        if rubs and self._stays > 0:
-            self._stays -= 1
+        if rubs and self._off_grid.waits:
+            self._off_grid.skip()
             return rod
         found = handover.exact(rod, self.tolerance, self._model)
-        if rubs and found is not None and handover.apart(rod, found) > self._estimate:
-            found = None  # its friction is not that of the grid
         if rubs:
-            self._stays = self._longer
-            self._longer = min(2 * self._longer + 1, LONGEST_STAY)
+            self._off_grid.tried()
         if found is None:
             return rod
         if rubs:
+            apart = handover.apart(rod, found)
+            if apart > self._estimate:
+                return rod  # its friction is not that of the grid
             # friction of points that slip follows from the motion; what sticks keeps the grid's error
-            error = max(handover.apart(rod, found), 0.0 if _slips(found.rod) else rod.twin_error)
+            error = max(apart, 0.0 if _slips(found.rod) else rod.twin_error)
             self._memory = Memory(max(error, 0.0 if self._memory is None else self._memory.error))
         self._take(found, self._joints)
         self._estimate = np.inf

@@ -28,8 +28,6 @@ from cable_ros.rod.elements import Mesh
 
 KEPT = 1e-3
 """Maximum relative change of the total friction as contacts change on a new mesh."""
-LONGEST_STAY = 31
-"""Maximum number of steps that keep a mesh after another one failed."""
 DENSE = 20.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
@@ -169,16 +167,17 @@ class ActiveSetRod(FixedSetRod):
         self.set_conditions(qe, re, f, obstacles)
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
-        if moved and remesh and (sunk or self._mesh_stays == 0):
+        if moved and remesh and (sunk or not self._remeshing.waits):
             finer = self._remesh(q_new, F_new, iterations, tolerance)
             if finer is not None:
-                self._mesh_stays = self._next_stay = 0
+                self._remeshing.reset()
                 return finer
-            self._mesh_stays, self._next_stay = self._next_stay, min(2 * self._next_stay + 1, LONGEST_STAY)
+            self._remeshing.tried()
             if not sunk:
                 ready = self.refactor(q_new, F_new)
                 return warm_step.ADVANCED if ready else warm_step.NOT_CONVEX, iterations, q_new, F_new
-        self._mesh_stays -= moved and remesh and self._mesh_stays > 0
+        if moved and remesh:
+            self._remeshing.skip()
         if sunk:
             self.restore(kept, mesh)
             self.set_conditions(*before)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_ros.common.backoff import Backoff
 from cable_ros.contact.assembly import nodal
 from cable_ros.contact.contact_entry_points import assemble_kkt, point_forces
 from cable_ros.contact.detection import dips, scan
@@ -57,6 +58,10 @@ RELEASED = 1e30
 """Compliance of a constraint row, L^3 / EI, that holds nothing."""
 
 
+LONGEST_STAY = 31
+"""Maximum number of steps that keep a mesh after another one failed."""
+
+
 class FixedSetRod(Rod):
     """A `Rod` with contact points, which `TouchingRod` finds: while there are none it is one, bit for bit.
 
@@ -81,9 +86,7 @@ class FixedSetRod(Rod):
         self.model = FRICTIONLESS
         # descents that are left for steps that fail, see `penalty_continuation.descend_instead`
         self.patience = 0
-        self._mesh_stays = self._next_stay = (
-            0  # steps that keep the mesh after another failed; the same next time
-        )
+        self._remeshing = Backoff(LONGEST_STAY)
         self.seen: list[np.ndarray] | None = None  # states that a search with several starts has found
         self.direction = np.zeros(3)  # see `contact_state.History`
         self.points = np.zeros((CAPACITY, COLUMNS))

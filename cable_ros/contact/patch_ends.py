@@ -29,6 +29,8 @@ from cable_ros.contact.points import (
     remove,
 )
 
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
 STRIDE = 2.0
 """Maximum motion of an end in an iteration, in spacings of the samples."""
 ROOM = 0.45
@@ -129,6 +131,37 @@ def shrink(points, count, spacing, depth):
         else:
             i += 1
     return changed, count
+
+
+@njit(**OPTIONS)
+def join(points, count, length):
+    """Replace patches shorter than `length`, L, by points at their centre of force; the number of points.
+
+    Unlike `shrink`, which an iteration may do at any time, this keeps the force of the samples, too.
+    `points` (CAPACITY, COLUMNS) holds `count` contact points.
+    """
+    i = 0
+    while i < count:
+        j = neighbour(points, count, i, LAST) if points[i, KIND] == FIRST else -1
+        if j < 0 or points[j, ARC_LENGTH] - points[i, ARC_LENGTH] >= length:
+            i += 1
+            continue
+        o, low, high = points[i, OBSTACLE], points[i, ARC_LENGTH], points[j, ARC_LENGTH]
+        total, moment = np.zeros(BEFORE + 3 - FORCE), 0.0
+        k = 0
+        while k < count:
+            s = points[k, ARC_LENGTH]
+            if points[k, OBSTACLE] == o and low <= s <= high:
+                total += points[k, FORCE : BEFORE + 3]
+                moment += points[k, FORCE] * s
+                count = remove(points, count, k)
+            else:
+                k += 1
+        middle = moment / total[0] if total[0] > 0.0 else 0.5 * (low + high)
+        count = add(points, count, o, min(max(middle, low), high), POINT)
+        points[count - 1, FORCE : BEFORE + 3] = total
+        i = 0
+    return count
 
 
 @njit(**INNER)

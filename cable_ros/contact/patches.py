@@ -217,41 +217,6 @@ def make_patch(points, count, o, low, high):
 
 
 @njit(**OPTIONS)
-def join(points, count, length):
-    """Replace patches shorter than `length`, L, by points at their centre of force; the number of points.
-
-    `points` (CAPACITY, COLUMNS) holds `count` contact points.
-    """
-    i = 0
-    while i < count:
-        if points[i, KIND] != FIRST:
-            i += 1
-            continue
-        o, low, high = points[i, OBSTACLE], points[i, ARC_LENGTH], np.inf
-        for k in range(count):
-            if points[k, OBSTACLE] == o and points[k, KIND] == LAST and points[k, ARC_LENGTH] > low:
-                high = min(high, points[k, ARC_LENGTH])
-        if high - low >= length:
-            i += 1
-            continue
-        total, place = np.zeros(BEFORE + 3 - FORCE), 0.0
-        k = 0
-        while k < count:
-            s = points[k, ARC_LENGTH]
-            if points[k, OBSTACLE] == o and low <= s <= high:
-                total += points[k, FORCE : BEFORE + 3]
-                place += points[k, FORCE] * s
-                count = remove(points, count, k)
-            else:
-                k += 1
-        middle = place / total[0] if total[0] > 0.0 else 0.5 * (low + high)
-        count = add(points, count, o, min(max(middle, low), high), POINT)
-        points[count - 1, FORCE : BEFORE + 3] = total
-        i = 0
-    return count
-
-
-@njit(**OPTIONS)
 def grounded(c, h, s0, obstacle, s):
     """Whether a clamp is on the obstacle's surface.
 

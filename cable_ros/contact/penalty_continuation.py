@@ -24,7 +24,7 @@ DENSITIES = (1, 1, 2, 3)
 """Number of samples with each of them, over that which the tolerance asks for, if the cable may be taut."""
 NEAR, FAR = 2, 1
 """The first of them from a shape whose contacts are right, as softer obstacles could let it through, and of a
-fall that leads away from them."""
+snap-through that leads away from them."""
 SUNK = (np.inf, 0.03, 3e-3)
 """Maximum depth after the first, second, and later descents, L: a cable that is deeper stays inside."""
 DESCENT_OPTIONS = Options(

@@ -44,7 +44,7 @@ def contact_table(
         names=tuple(names),
         obstacle=which,
         arc_length=arc_lengths * units.length,
-        position=start[:3] + units.length * _positions(*curve, arc_lengths) @ turn,
+        position=start[:3] + units.length * positions(*curve, arc_lengths) @ turn,
         normal=normals @ turn,
         force=units.force * (points[:, FORCE, None] * normals + friction) @ turn,
         length=points[:, LENGTH] * units.length,
@@ -53,7 +53,7 @@ def contact_table(
 
 
 @njit(cache=True)
-def _positions(c: np.ndarray, h: np.ndarray, s0: np.ndarray, arc_lengths: np.ndarray) -> np.ndarray:
+def positions(c: np.ndarray, h: np.ndarray, s0: np.ndarray, arc_lengths: np.ndarray) -> np.ndarray:
     """Positions (n, 3) at the arc lengths `arc_lengths` (n,), with c, h, s0 as in `centreline.position`."""
     out = np.empty((arc_lengths.shape[0], 3))
     for i in range(arc_lengths.shape[0]):

@@ -13,7 +13,8 @@ from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.detection import passage
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.meshing import CLOSEST
-from cable_ros.contact.patches import join, resample
+from cable_ros.contact.patch_ends import join
+from cable_ros.contact.patches import resample
 from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead
 from cable_ros.contact.points import BEFORE, FORCE, INTERFACE
 from cable_ros.rod import warm_step
@@ -21,7 +22,7 @@ from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.solve.trust_region import Options
 
-SHORT = 50
+MOST_NEAR = 50
 """Maximum number of iterations with stiff springs: a cable that snaps far needs fewer with soft ones."""
 
 
@@ -59,22 +60,31 @@ class TouchingRod(ActiveSetRod):
         self.ready = False
         if self.count:
             # mostly the same equilibrium on another mesh: its contacts are known
-            for short in (0.0, CLOSEST):
-                before = self.count
-                self.count = join(self.points, self.count, short)
-                if short and self.count == before:
-                    break
-                q_let, F_let = self._let_go(q, F, options.step_tolerance)
-                code, iterations, q_new, F_new = self.correct(q_let, F_let, options.step_tolerance)
-                if code == warm_step.ADVANCED:
-                    return q_new, F_new, iterations
+            known = self._from_contacts(q, F, options.step_tolerance)
+            if known is None and self._join_short():
+                known = self._from_contacts(q, F, options.step_tolerance)
+            if known is not None:
+                return known
             self.forgot = self.forgot or self.model == COULOMB
-            near = replace(options, iterations=min(options.iterations, SHORT))
+            near = replace(options, iterations=min(options.iterations, MOST_NEAR))
             found = descend(self, q, F, near, NEAR)
-            return (
-                descend(self, q, F, options, FAR, minima=True) if found is None and self.work > 0.0 else found
-            )
+            if found is not None or self.work <= 0.0:
+                return found
+            return descend(self, q, F, options, FAR, minima=True)
         return descend(self, q, F, options)
+
+    def _from_contacts(
+        self, q: np.ndarray, F: np.ndarray, tolerance: float
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """The equilibrium beside (q, F) by Newton's method from the present contacts, or None."""
+        q_let, F_let = self._let_go(q, F, tolerance)
+        code, iterations, q_new, F_new = self.correct(q_let, F_let, tolerance)
+        return (q_new, F_new, iterations) if code == warm_step.ADVANCED else None
+
+    def _join_short(self) -> bool:
+        """Make points of short patches, which Newton's method finds again; whether there were any."""
+        before, self.count = self.count, join(self.points, self.count, CLOSEST)
+        return self.count != before
 
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,

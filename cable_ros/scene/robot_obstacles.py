@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 
 from cable_ros.scene.collision import Piece, bodies, pieces, placed_by
 from cable_ros.scene.errors import SceneError, suggestion
@@ -74,17 +74,27 @@ def beside(
     links = placed_by(robot.urdf, robot.source, joint_names) - (robot.named if modelled else frozenset())
     solids: list[Piece] = []
     unknown: dict[str, str] = {}
-    for link in sorted(links):
-        try:
-            robot = with_solids(robot, {link}, fit_new=False)
-            solids += pieces(robot.urdf, robot.source, {link})
-        except SceneError as error:
-            unknown[link] = str(error)
+    try:
+        robot, found = _kept_solids(robot, links)
+        solids += sorted(found, key=lambda piece: piece.link)
+    except SceneError:  # link by link, to leave out those that are at fault
+        for link in sorted(links):
+            try:
+                robot, found = _kept_solids(robot, {link})
+                solids += found
+            except SceneError as error:
+                unknown[link] = str(error)
     clamped = Clamped(robot, cables)
     return [
         Obstacle(name, piece.shape, 0.0, piece.link, left_out_by=clamped.within(piece))
         for name, piece in named(solids)
     ], unknown
+
+
+def _kept_solids(robot: Robot, links: Container[str]) -> tuple[Robot, tuple[Piece, ...]]:
+    """The collision geometry of these links, and the robot with it; meshes that are not fitted yet raise."""
+    robot = with_solids(robot, links, fit_new=False)
+    return robot, pieces(robot.urdf, robot.source, links)
 
 
 def fit_meshes(robot: Robot) -> Iterator[str]:
