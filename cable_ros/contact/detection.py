@@ -155,16 +155,30 @@ def flatten(shape, spacing, obstacles, give, points, count):
             if curvature >= 0.0:
                 # or, if it alternates between two minima, at the maximum between them
                 s, curvature, half = ridge(shape, points[i, ARC_LENGTH], spacing, obstacles[o])
-            # the curvature rises by P/2 per length on both sides
             if curvature < 0.0 and -2.67 * curvature**3 > give * P**2:
                 points[i, ARC_LENGTH] = s
-                half = min(-2.0 * curvature / P, half, 0.45 * s, 0.45 * (1.0 - s))
+                half = half_patch(s, curvature, P, half)
                 count = make_patch(points, count, o, s - half, s + half)
                 changed = True
                 i = 0
                 continue
         i += 1
     return changed, count
+
+
+@njit(**LEAF)
+def half_patch(s, curvature, force, most):
+    """Half the length of the patch that a contact point becomes, L, at most `most`.
+
+    The gap's curvature, negative there, rises by half the force per length on both sides.
+
+    Args:
+        s: arc length of the point, L.
+        curvature: of the gap there, 1 / L.
+        force: EI / L^2.
+        most: L.
+    """
+    return min(-2.0 * curvature / force, most, 0.45 * s, 0.45 * (1.0 - s))
 
 
 @njit(**INNER)
@@ -310,6 +324,12 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             elif near >= 0:
                 # two minima closer than the spacing: the cable begins to lie on the surface
                 low, high = min(s, points[near, ARC_LENGTH]), max(s, points[near, ARC_LENGTH])
+                middle, force = points[near, ARC_LENGTH], points[near, FORCE]
+                _, _, curvature = gap_at(shape, middle, obstacles[o], at)
+                if curvature < 0.0 and force > 0.0:
+                    # the minima are those beside a point that holds a cable more curved than the surface
+                    half = half_patch(middle, curvature, force, spacing)
+                    low, high = middle - half, middle + half
                 low = 0.0 if k == 1 and grounded(c, h, s0, obstacles[o], 0.0) else low
                 high = 1.0 if k == m - 2 and grounded(c, h, s0, obstacles[o], 1.0) else high
                 count = make_patch(points, count, o, low, high)

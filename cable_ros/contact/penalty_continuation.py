@@ -33,6 +33,8 @@ DESCENT_OPTIONS = Options(
 """For a descent that must not leave its basin."""
 SOFT = 2
 """Work of an iteration among soft obstacles over that of another: each tries several radii."""
+SHARE = 0.3
+"""Maximum fraction of the budget spent on a descent for a step that failed: a shorter step may not fail."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -68,6 +70,8 @@ def _descend(
     assert rod.obstacles is not None
     before, total = rod.points[: rod.count].copy(), 0
     for stage in range(first, len(SPRINGS)):
+        if rod.work <= 0.0:
+            break
         stiffness = SPRINGS[stage]
         rod.count = 0
         if taut:
@@ -122,7 +126,10 @@ def descend_instead(
     rod.set_conditions(qe, re, f, obstacles)
     start = q.copy()
     start[-1] = end
+    kept_back = (1.0 - SHARE) * rod.work
+    rod.work -= kept_back
     found = descend(rod, start, F, DESCENT_OPTIONS, FAR)
+    rod.work += kept_back
     if found is not None:
         after = rod.mesh.interpolate(found[0], GRID)
         moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))
