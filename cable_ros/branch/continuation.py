@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_ros.branch.branch_switching import switch_branch
 from cable_ros.branch.cold_start import Conditions, Found, settle
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.travel import travel
@@ -61,6 +62,8 @@ AWAY = 0.2
 """The same for a few such steps back from a fold, where the shape changes like the root of the load."""
 SNAP_WORK = 90_000.0
 """Minimum budget of a snap-through: without it no call would get past a fold."""
+AHEAD = 100.0
+"""Number of steps along the path to where a bifurcating branch is looked for: closer it is all but neutral."""
 FREE_SNAPS = 2
 """Number of snap-throughs outside the budget: even a small step may meet a fold, and end just before it."""
 GRID = np.linspace(0.0, 1.0, 33)
@@ -226,12 +229,12 @@ def continue_branch(
                     return ended(End.STUCK)
                 rod, q, F = replacement, replacement.shape, replacement.end_force
                 continue
-            found, snap = snapped
+            found, snap, at = snapped
             if len(snaps) >= FREE_SNAPS:
                 rod.work = min(rod.work, left - DESCENT_COST * found.iterations * rod.elastic.shape[0])
             snaps.append(snap)
             iterations += found.iterations
-            at, q, F = min(1.0, at + step), found.q, found.F
+            q, F = found.q, found.F
             if snap.jumped:
                 margins.clear()  # of another branch
             continue
@@ -243,7 +246,7 @@ def continue_branch(
         snapped = _snap_and_record(rod, q, F, path, 0.0, [(at, 0.0)], tolerance, True)
         if snapped is None:
             return ended(End.STUCK)
-        found, snap = snapped
+        found, snap, _ = snapped
         snaps.append(snap)
         iterations, q, F = iterations + found.iterations, found.q, found.F
     return ended(End.ARRIVED)
@@ -252,8 +255,10 @@ def continue_branch(
 def _snap_and_record(
     rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], step: float,
     margins: list[tuple[float, float]], tolerance: float, crossed: bool,
-) -> tuple[Found, SnapThrough] | None:  # fmt: skip
-    """`snap_through` from the factored equilibrium (q, F) at the end of the step, and its record.
+) -> tuple[Found, SnapThrough, float] | None:  # fmt: skip
+    """`snap_through` from the factored equilibrium (q, F) at the end of the step: with its record, and where.
+
+    First a branch is looked for that bifurcates, a little further along the path.
 
     `margins`: fractions of the path and stability margins there, last those of (q, F); `crossed`: whether the
     margin is known to be negative at the end of the step.
@@ -261,17 +266,24 @@ def _snap_and_record(
     at, margin = margins[-1]
     touched = bool(rod.contact_force().any()) and not rod.remembers
     shape, before = rod.mesh.interpolate(q, GRID), rod.snapshot()()
-    snapped = snap_through(rod, q, F, path(min(1.0, at + step)))
-    if snapped is None:
+    energy, mode = rod.linearize(q, F)[0], rod.mode.copy()
+    twist, end, found = float(rod.totals[TWIST]), min(1.0, at + AHEAD * step), None
+    if margin < SMALL and step > 0.0:
+        found = switch_branch(rod, q, F, mode, path(end))
+        crossed = crossed or found is not None
+    if found is None:
+        end = min(1.0, at + step)
+        found = snap_through(rod, q, F, path(end))
+    if found is None:
         return None
-    found, energy, twist = snapped
     jumped, to_fold = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), 0.0 if crossed else np.inf
     if jumped and not crossed:
         earlier = margins[-2:-1] or _earlier_margin(before, q, F, path, at, step, tolerance)
         to_fold = min((_to_fold(at, margin, *one) / step for one in earlier), default=np.inf)
-    return found, SnapThrough(
+    record = SnapThrough(
         at, energy, found.energy, twist, found.twist, jumped, touched, margin, to_fold, crossed
     )
+    return found, record, end
 
 
 def _earlier_margin(
@@ -292,7 +304,7 @@ def _earlier_margin(
     # next to the fold Newton's method fails, and a descent of the energy does not
     shape, back = rod.mesh.interpolate(q, GRID), at - STEPS_BACK[0] * step
     snapped = snap_through(rod, q, F, path(back))
-    if snapped is None or _jumped(shape, rod.mesh.interpolate(snapped[0].q, GRID), AWAY):
+    if snapped is None or _jumped(shape, rod.mesh.interpolate(snapped.q, GRID), AWAY):
         return []
     return [(back, rod._softest())]
 
@@ -308,20 +320,17 @@ def _to_fold(at: float, margin: float, before: float, margin_before: float) -> f
 
 def snap_through(
     rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions
-) -> tuple[Found, float, float] | None:
+) -> Found | None:
     """Descend the energy from (q, F) under the given conditions, in steps too short to cross a ridge.
 
-    Returns the stable equilibrium at the end, and energy and twist of the start; None if none was reached.
+    Returns the stable equilibrium at the end; None if none was reached.
     """
-    energy, _, _ = rod.linearize(q, F)
-    twist = float(rod.totals[TWIST])
     rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
     q = q.copy()
     q[-1] = conditions.qe if q[-1] @ conditions.qe > 0.0 else -conditions.qe
     # of two mirror images always the same one, whatever the last bit
     q = rod.retract(q, PERTURBATION * rod.start_vector())
-    found = settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
-    return None if found is None else (found, energy, twist)
+    return settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
 
 
 def _jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:

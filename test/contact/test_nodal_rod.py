@@ -269,13 +269,13 @@ def test_a_fall_lands_where_the_free_rods_does() -> None:
     beyond = there(yaw + 0.02)
     landed = snap_through(free, q, F, beyond)
     assert landed is not None
-    exact = np.concatenate((landed[0].F, landed[0].rod.g[-1]))
+    exact = np.concatenate((landed.F, landed.rod.g[-1]))
     assert off(exact, wrench(rod)) > 0.3  # far away
     rod.set_conditions(beyond.qe, beyond.re, beyond.f, beyond.obstacles)
     mine = settle(rod, rod.shape, rod.end_force, Options())
     assert mine is not None
     assert off(wrench(rod), exact) < 1e-3
-    assert mine.energy == pytest.approx(landed[0].energy, rel=1e-3)
+    assert mine.energy == pytest.approx(landed.energy, rel=1e-3)
     assert rod.stability_margin() == pytest.approx(free.stability_margin(), rel=0.02)
 
 
