@@ -25,10 +25,8 @@ from cable_ros.branch.property_change import Section, follow, with_section
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
 from cable_ros.branch.standing import Loss
 from cable_ros.branch.tracked_equilibrium import conditions_of
-from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
-from cable_ros.contact.nodal_rod import STEP, NodalRod
-from cable_ros.contact.touching_rod import TouchingRod
-from cable_ros.contact.travel import CONTACT_STEP, FRICTION_STEP, travel
+from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.travel import travel
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
@@ -63,13 +61,6 @@ POSES_CUT = f"more than {MOST_WAITING} poses wait to be passed through, and fric
 
 class CableTracker(SearchedEquilibrium):
     """Keeps one cable on its branch, given the world poses (2, 7) of its two clamps."""
-
-    @property
-    def _longest_step(self) -> float:
-        """Maximum step of clamps and obstacles, L."""
-        if isinstance(self._rod, NodalRod):
-            return STEP
-        return CONTACT_STEP if self._model == FRICTIONLESS else FRICTION_STEP
 
     @property
     def _full_budget(self) -> float:
@@ -162,8 +153,7 @@ class CableTracker(SearchedEquilibrium):
             target_twist = self._target_twist if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, target_twist)
         rod.work = self._budget
-        if isinstance(rod, TouchingRod):
-            rod.patience, rod.short = PATIENCE, False
+        rod.patience, rod.short = PATIENCE, False
         if _largest_difference(joints, self._joints) > LONGEST:
             return self._continue_to(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
@@ -171,7 +161,7 @@ class CableTracker(SearchedEquilibrium):
         if obstacles is not None and (inside := self._clamp_inside(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, inside, time.perf_counter() - begin)
         if obstacles is not None and (
-            travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) > self._longest_step
+            travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) > rod.longest_step
         ):
             return self._continue_to(kinematics, index, joints, poses, begin)
         before = conditions_of(rod) if self._remembers else None
@@ -217,7 +207,7 @@ class CableTracker(SearchedEquilibrium):
         """Solve the present equilibrium to another tolerance; lose it if that fails."""
         rod, tolerance = self._rod, self.tolerance
         assert rod is not None
-        if isinstance(rod, NodalRod):  # its grid does not depend on the tolerance
+        if rod.on_grid:  # the grid does not depend on the tolerance
             self._resolved = tolerance
             return
         spare = copy.deepcopy(rod)
@@ -247,7 +237,7 @@ class CableTracker(SearchedEquilibrium):
         assert rod.obstacles is not None
         assert there.obstacles is not None
         far = travel(rod.qe, rod.re, rod.obstacles, there.qe, there.re, there.obstacles)
-        return self._too_short(there.obstacles, there.re) if far > FAR * self._longest_step else ""
+        return self._too_short(there.obstacles, there.re) if far > FAR * rod.longest_step else ""
 
     def _continue_to(
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
@@ -270,11 +260,11 @@ class CableTracker(SearchedEquilibrium):
 
         distance = float(np.abs(joints - origin).max(initial=0.0))
         longest = LONGEST / max(distance, LONGEST)
-        fallback = handover.nodal if isinstance(rod, TouchingRod) and rod.model != SLIDING else None
-        first = longest * min(rod.stride, 1.0 if isinstance(rod, NodalRod) else 0.5)
+        fallback = handover.nodal if rod.replaceable else None
+        first = longest * min(rod.stride, rod.first_stride)
         tolerance = ALGEBRAIC * self.tolerance
         result = continue_branch(
-            rod, self._q, self._F, path, tolerance, first, longest, fallback, self._longest_step
+            rod, self._q, self._F, path, tolerance, first, longest, fallback, rod.longest_step
         )
         self._rod = rod = result.rod
         # continue from where it ended, maybe on another rod

@@ -59,6 +59,8 @@ class NodalRod(NodalSolver):
 
     few = 25
     remembers = True
+    on_grid = True
+    longest_step, first_stride = STEP, 1.0
 
     def __init__(
         self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,

@@ -53,6 +53,9 @@ class TouchingRod(ActiveSetRod):
             new.count = resample(new.points, new.count, new.h, new.s0)
         return new
 
+    def for_tolerance(self, tolerance: float) -> TouchingRod:
+        return self if tolerance == self.tolerance else self.variant(tolerance=tolerance)
+
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
