@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from cable_ros.branch import handover
+from cable_ros.branch.branch_record import Loss
 from cable_ros.branch.cold_start import (
     Conditions,
     Found,
@@ -23,7 +24,6 @@ from cable_ros.branch.cold_start import (
 from cable_ros.branch.continuation import End, continue_branch
 from cable_ros.branch.property_change import Section, follow, with_section
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
-from cable_ros.branch.standing import Loss
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.travel import travel
@@ -106,7 +106,7 @@ class CableTracker(SearchedEquilibrium):
             found = self._resume(joints, begin)
             if found is not None:
                 return found
-        if self._standing.waiting:
+        if self._record.waiting:
             unfinished = self._catch_up(kinematics, index, joints, begin)
             if unfinished is not None:
                 return unfinished
@@ -116,8 +116,8 @@ class CableTracker(SearchedEquilibrium):
         self, kinematics: Kinematics, index: int, joints: np.ndarray, begin: float
     ) -> Equilibrium | None:
         """Pass through the waiting poses before `joints`; returns a result if that is not finished."""
-        waiting = self._standing.waiting if self._model == COULOMB and self._rod is not None else ()
-        self._standing = replace(self._standing, waiting=())
+        waiting = self._record.waiting if self._model == COULOMB and self._rod is not None else ()
+        self._record = replace(self._record, waiting=())
         if len(waiting) > MOST_WAITING:
             self._lose(POSES_CUT)
             return None
@@ -127,8 +127,8 @@ class CableTracker(SearchedEquilibrium):
             found = self._pass_through(kinematics, index, np.array(asked), begin)
             done = found.status is not Status.UNFINISHED
             if not done or self._budget <= ENOUGH * self._full_budget:
-                left = replace(self._standing, waiting=waiting[i + done :])
-                self._standing = left.asked(self._joints, joints)
+                left = replace(self._record, waiting=waiting[i + done :])
+                self._record = left.with_waiting(self._joints, joints)
                 return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin)
         return None
 
@@ -171,7 +171,7 @@ class CableTracker(SearchedEquilibrium):
         if code == warm_step.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
             if before is not None:
-                self._mend(before, True, partial(self._free_twist, kinematics, index))
+                self._add_motion(before, True, partial(self._free_twist, kinematics, index))
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
         return self._continue_to(kinematics, index, joints, poses, begin)
 
@@ -277,7 +277,7 @@ class CableTracker(SearchedEquilibrium):
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
             rod.refactor(result.q, result.F)
             if self._remembers and not any(snap.jumped for snap in result.snaps):
-                self._mend(before, False, partial(self._free_twist, kinematics, index))
+                self._add_motion(before, False, partial(self._free_twist, kinematics, index))
             if result.end is End.ARRIVED:
                 return self._finish(
                     Status.CONVERGED, Status.CONVERGED.sentence, result.iterations, poses, begin
@@ -285,7 +285,7 @@ class CableTracker(SearchedEquilibrium):
             # refine the mesh on a long path, too
             there_poses = kinematics.poses(reached)[index]
             self._finish(Status.UNFINISHED, "", result.iterations, there_poses, begin)
-            self._standing = self._standing.asked(reached, joints)
+            self._record = self._record.with_waiting(reached, joints)
             unfinished = self.failed(
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )

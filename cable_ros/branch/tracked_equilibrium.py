@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from cable_ros.branch import handover, results
+from cable_ros.branch.branch_record import BranchRecord, GridHistory, Loss, is_unique, relative_motion
 from cable_ros.branch.cable_model import CableModel
 from cable_ros.branch.cold_start import (
     ACCEPT,
@@ -20,7 +21,6 @@ from cable_ros.branch.cold_start import (
 )
 from cable_ros.branch.continuation import FREE_TO_TURN, SnapThrough
 from cable_ros.branch.extremes import Obstacles, extremes
-from cable_ros.branch.standing import Loss, Memory, Standing, alone, motion
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB
@@ -67,18 +67,18 @@ class TrackedEquilibrium(CableModel):
         self._q, self._F = np.empty((0, 4)), np.empty(3)
         self._joints = np.empty(0)
         self._twist: float | None = None
-        self._standing = Standing()
+        self._record = BranchRecord()
         self._passing = False  # whether the pose is a waiting one that the path passes through
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
         self._apart = np.inf
-        self._memory: Memory | None = None
+        self._grid_history: GridHistory | None = None
         self._off_grid = Backoff(LONGEST_STAY)
 
     @property
     def lost(self) -> str:
         """Why the branch was lost, a clause; empty while it is known."""
-        loss = self._standing.loss
+        loss = self._record.loss
         return "" if loss is None else loss.cause
 
     def distrust(self, cause: str) -> None:
@@ -86,7 +86,7 @@ class TrackedEquilibrium(CableModel):
         self._lose(cause)
 
     def _lose(self, cause: str) -> None:
-        self._standing = self._standing.lost(cause, self._model == COULOMB, self._joints, self._twist)
+        self._record = self._record.after_loss(cause, self._model == COULOMB, self._joints, self._twist)
         if self._rod is not None:
             self._rod.forgot = False
 
@@ -99,45 +99,46 @@ class TrackedEquilibrium(CableModel):
                 turned = f"total twist {snap.twist_before:.3f} -> {snap.twist_after:.3f} rad"
                 self._lose(f"it snapped, {turned}, with a stability margin of {snap.margin:.2g} before")
             elif snap.jumped:
-                self._standing = self._standing.snapped(snap)
+                self._record = self._record.after_snap(snap)
 
-    def _mend(self, before: Conditions, step: bool, free: Callable[[Loss], float | None]) -> None:
+    def _add_motion(self, before: Conditions, step: bool, free: Callable[[Loss], float | None]) -> None:
         """Add the motion since `before` to the record of a lost branch, which may be known again by it.
 
         `free` gives the twist here of a cable without contact, continued from the last known pose.
         """
-        rod, loss = self._rod, self._standing.loss
+        rod, loss = self._rod, self._record.loss
         assert rod is not None
         touching = rod.touches
-        if self._memory is not None:
-            gone = motion(before, conditions_of(rod))
-            self._memory = self._memory.followed(gone, touching, touching and rod.all_slip, step)
+        motion, slips = relative_motion(before, conditions_of(rod)), touching and rod.all_slip
+        if self._grid_history is not None:
+            self._grid_history = self._grid_history.after_motion(motion, touching, slips, step)
         if loss is None:
             return
-        loss = loss.followed(motion(before, conditions_of(rod)), touching and rod.all_slip, step)
-        if loss.forgotten or (not touching and loss.due and self._alone(rod, free(loss))):
-            self._standing = Standing()
+        loss = loss.after_motion(motion, slips, step)
+        if loss.resolved or (not touching and loss.search_due and self._is_unique(rod, free(loss))):
+            self._record = BranchRecord()
             return
-        self._standing = Standing(replace(loss, unasked=0.0) if not touching and loss.due else loss)
+        searched = not touching and loss.search_due
+        self._record = BranchRecord(replace(loss, since_search=0.0) if searched else loss)
 
     @property
     def _error(self) -> float:
         """Estimated relative error of the end wrench, with that of friction's history."""
-        return max(self._estimate, 0.0 if self._memory is None else self._memory.error)
+        return max(self._estimate, 0.0 if self._grid_history is None else self._grid_history.error)
 
     @property
     def _remembers(self) -> bool:
         """Whether the motion since a loss, or since friction came from a grid, counts."""
-        return self._standing.loss is not None or self._memory is not None
+        return self._record.loss is not None or self._grid_history is not None
 
-    def _alone(self, rod: Rod, free: float | None) -> bool:
+    def _is_unique(self, rod: Rod, free: float | None) -> bool:
         """Whether no other equilibrium is near, and its twist is within half a turn of `free`, rad."""
         if free is not None and not abs(float(rod.totals[TWIST]) - free) < np.pi:
             return False
         energy, _, _ = rod.linearize(self._q, self._F)
         rod.factor(0.0)
         here = Found(rod, self._q, self._F, energy, float(rod.totals[TWIST]), 0)
-        return alone(here, self._stiffness, self._natural, self._compliance, self.tolerance)
+        return is_unique(here, self._stiffness, self._natural, self._compliance, self.tolerance)
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
         self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints
@@ -204,16 +205,16 @@ class TrackedEquilibrium(CableModel):
 
     def _verdict(self, status: Status, message: str, error: float) -> tuple[Status, str]:
         """Status and message of the present equilibrium, with all that its user should know."""
-        converged, standing = status is Status.CONVERGED, self._standing
+        converged, record = status is Status.CONVERGED, self._record
         if converged and error > self.tolerance:
             message = f"{message[:-1]}{ON_GRID.format(error)}"
         if converged and self._margin < FREE_TO_TURN:
             message = FREE
-        if standing.loss is not None:
-            status, message = Status.BRANCH_LOST, standing.loss.message
-        elif converged and standing.snaps and not self._passing:
-            status, message = Status.SNAPPED, standing.story(self._units.moment)
-            self._standing = Standing()
+        if record.loss is not None:
+            status, message = Status.BRANCH_LOST, record.loss.message
+        elif converged and record.snaps and not self._passing:
+            status, message = Status.SNAPPED, record.snap_message(self._units.moment)
+            self._record = BranchRecord()
         if self._apart < self._diameter:
             message = f"{message} {warning(self._apart, self._diameter)}"
         return status, message if self.choice is None else message + self.choice.note
@@ -230,7 +231,7 @@ class TrackedEquilibrium(CableModel):
         )
         meets = self._apart < self._diameter
         return Equilibrium.of(
-            status=status, message=message, converged=self._standing.loss is None, stable=True,
+            status=status, message=message, converged=self._record.loss is None, stable=True,
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
             points=points, orientations=orientations, total_twist=self._twist,
             energy=float(rod.totals[ENERGY]) * unit.moment - unit.length * float(self._weight @ start[:3]),
@@ -273,7 +274,8 @@ class TrackedEquilibrium(CableModel):
                 return  # its friction is not that of the grid
             # friction of points that slip follows from the motion; what sticks keeps the grid's error
             error = max(apart, 0.0 if found.rod.all_slip else rod.twin_error)
-            self._memory = Memory(max(error, 0.0 if self._memory is None else self._memory.error))
+            earlier = 0.0 if self._grid_history is None else self._grid_history.error
+            self._grid_history = GridHistory(max(error, earlier))
         self._take(found, self._joints)
         self._estimate = np.inf
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from cable_ros.contact.distance import gaps
 from cable_ros.contact.nodal_kernels import COMPLIANCE, contact_frames, residuals
-from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_response
+from cable_ros.contact.nodal_response import contact_tangents, frozen_step, wrench_response
 from cable_ros.contact.nodal_stability import ITERATIONS, condensed, softest
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
@@ -264,7 +264,7 @@ class NodalContacts(Rod):
         """
         state, (normals, forces) = self.state, self._pressed()
         friction = forces - state.lam[:, :, None] * normals
-        step = standing(state, self._last_step(), friction, self.frames, self.sliding())
+        step = frozen_step(state, self._last_step(), friction, self.frames, self.sliding())
         return wrench_response(
             state, self._model, step, self._work, self._tangents, self._rows, self._band, forces, moving
         )

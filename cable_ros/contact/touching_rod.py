@@ -118,10 +118,10 @@ class TouchingRod(ActiveSetRod):
         return descend_instead(self, q, F, qe, re, f, limit, obstacles, result)
 
     def snapshot(self) -> Callable[[], Rod]:
-        return partial(_standing, self, self.mesh, self.points[: self.count].copy(), self.obstacles)
+        return partial(_restored, self, self.mesh, self.points[: self.count].copy(), self.obstacles)
 
 
-def _standing(rod: TouchingRod, mesh: Mesh, points: np.ndarray, obstacles: np.ndarray | None) -> TouchingRod:
+def _restored(rod: TouchingRod, mesh: Mesh, points: np.ndarray, obstacles: np.ndarray | None) -> TouchingRod:
     """A rod like `rod`, among these obstacles and with these contact points (k, COLUMNS)."""
     new = rod.variant(mesh)
     new.count = len(points)
