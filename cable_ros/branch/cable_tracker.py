@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from cable_ros.branch import handover
+from cable_ros.branch.branch_record import Loss
 from cable_ros.branch.cold_start import (
     Conditions,
     Found,
@@ -23,12 +24,9 @@ from cable_ros.branch.cold_start import (
 from cable_ros.branch.continuation import End, continue_branch
 from cable_ros.branch.property_change import Section, follow, with_section
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
-from cable_ros.branch.standing import Loss
 from cable_ros.branch.tracked_equilibrium import conditions_of
-from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
-from cable_ros.contact.nodal_rod import STEP, NodalRod
-from cable_ros.contact.touching_rod import TouchingRod
-from cable_ros.contact.travel import CONTACT_STEP, FRICTION_STEP, travel
+from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.travel import travel
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
@@ -63,13 +61,6 @@ POSES_CUT = f"more than {MOST_WAITING} poses wait to be passed through, and fric
 
 class CableTracker(SearchedEquilibrium):
     """Keeps one cable on its branch, given the world poses (2, 7) of its two clamps."""
-
-    @property
-    def _longest_step(self) -> float:
-        """Maximum step of clamps and obstacles, L."""
-        if isinstance(self._rod, NodalRod):
-            return STEP
-        return CONTACT_STEP if self._model == FRICTIONLESS else FRICTION_STEP
 
     @property
     def _full_budget(self) -> float:
@@ -115,7 +106,7 @@ class CableTracker(SearchedEquilibrium):
             found = self._resume(joints, begin)
             if found is not None:
                 return found
-        if self._standing.waiting:
+        if self._record.waiting:
             unfinished = self._catch_up(kinematics, index, joints, begin)
             if unfinished is not None:
                 return unfinished
@@ -125,8 +116,8 @@ class CableTracker(SearchedEquilibrium):
         self, kinematics: Kinematics, index: int, joints: np.ndarray, begin: float
     ) -> Equilibrium | None:
         """Pass through the waiting poses before `joints`; returns a result if that is not finished."""
-        waiting = self._standing.waiting if self._model == COULOMB and self._rod is not None else ()
-        self._standing = replace(self._standing, waiting=())
+        waiting = self._record.waiting if self._model == COULOMB and self._rod is not None else ()
+        self._record = replace(self._record, waiting=())
         if len(waiting) > MOST_WAITING:
             self._lose(POSES_CUT)
             return None
@@ -136,8 +127,8 @@ class CableTracker(SearchedEquilibrium):
             found = self._pass_through(kinematics, index, np.array(asked), begin)
             done = found.status is not Status.UNFINISHED
             if not done or self._budget <= ENOUGH * self._full_budget:
-                left = replace(self._standing, waiting=waiting[i + done :])
-                self._standing = left.asked(self._joints, joints)
+                left = replace(self._record, waiting=waiting[i + done :])
+                self._record = left.with_waiting(self._joints, joints)
                 return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin)
         return None
 
@@ -162,8 +153,7 @@ class CableTracker(SearchedEquilibrium):
             target_twist = self._target_twist if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, target_twist)
         rod.work = self._budget
-        if isinstance(rod, TouchingRod):
-            rod.patience, rod.short = PATIENCE, False
+        rod.patience, rod.short = PATIENCE, False
         if _largest_difference(joints, self._joints) > LONGEST:
             return self._continue_to(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
@@ -171,7 +161,7 @@ class CableTracker(SearchedEquilibrium):
         if obstacles is not None and (inside := self._clamp_inside(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, inside, time.perf_counter() - begin)
         if obstacles is not None and (
-            travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) > self._longest_step
+            travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) > rod.longest_step
         ):
             return self._continue_to(kinematics, index, joints, poses, begin)
         before = conditions_of(rod) if self._remembers else None
@@ -181,7 +171,7 @@ class CableTracker(SearchedEquilibrium):
         if code == warm_step.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
             if before is not None:
-                self._mend(before, True, partial(self._free_twist, kinematics, index))
+                self._add_motion(before, True, partial(self._free_twist, kinematics, index))
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
         return self._continue_to(kinematics, index, joints, poses, begin)
 
@@ -217,7 +207,7 @@ class CableTracker(SearchedEquilibrium):
         """Solve the present equilibrium to another tolerance; lose it if that fails."""
         rod, tolerance = self._rod, self.tolerance
         assert rod is not None
-        if isinstance(rod, NodalRod):  # its grid does not depend on the tolerance
+        if rod.on_grid:  # the grid does not depend on the tolerance
             self._resolved = tolerance
             return
         spare = copy.deepcopy(rod)
@@ -247,7 +237,7 @@ class CableTracker(SearchedEquilibrium):
         assert rod.obstacles is not None
         assert there.obstacles is not None
         far = travel(rod.qe, rod.re, rod.obstacles, there.qe, there.re, there.obstacles)
-        return self._too_short(there.obstacles, there.re) if far > FAR * self._longest_step else ""
+        return self._too_short(there.obstacles, there.re) if far > FAR * rod.longest_step else ""
 
     def _continue_to(
         self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
@@ -270,11 +260,11 @@ class CableTracker(SearchedEquilibrium):
 
         distance = float(np.abs(joints - origin).max(initial=0.0))
         longest = LONGEST / max(distance, LONGEST)
-        fallback = handover.nodal if isinstance(rod, TouchingRod) and rod.model != SLIDING else None
-        first = longest * min(rod.stride, 1.0 if isinstance(rod, NodalRod) else 0.5)
+        fallback = handover.nodal if rod.replaceable else None
+        first = longest * min(rod.stride, rod.first_stride)
         tolerance = ALGEBRAIC * self.tolerance
         result = continue_branch(
-            rod, self._q, self._F, path, tolerance, first, longest, fallback, self._longest_step
+            rod, self._q, self._F, path, tolerance, first, longest, fallback, rod.longest_step
         )
         self._rod = rod = result.rod
         # continue from where it ended, maybe on another rod
@@ -287,7 +277,7 @@ class CableTracker(SearchedEquilibrium):
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
             rod.refactor(result.q, result.F)
             if self._remembers and not any(snap.jumped for snap in result.snaps):
-                self._mend(before, False, partial(self._free_twist, kinematics, index))
+                self._add_motion(before, False, partial(self._free_twist, kinematics, index))
             if result.end is End.ARRIVED:
                 return self._finish(
                     Status.CONVERGED, Status.CONVERGED.sentence, result.iterations, poses, begin
@@ -295,7 +285,7 @@ class CableTracker(SearchedEquilibrium):
             # refine the mesh on a long path, too
             there_poses = kinematics.poses(reached)[index]
             self._finish(Status.UNFINISHED, "", result.iterations, there_poses, begin)
-            self._standing = self._standing.asked(reached, joints)
+            self._record = self._record.with_waiting(reached, joints)
             unfinished = self.failed(
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )

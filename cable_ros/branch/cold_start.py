@@ -164,8 +164,9 @@ def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
 def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:
     """The equilibrium on a mesh with an error of at most `accept` * tolerance, or the best one; its error."""
     iterations = found.iterations
-    if isinstance(found.rod, TouchingRod) and found.rod.tolerance != tolerance:
-        closer = settle(found.rod.variant(tolerance=tolerance), found.q, found.F)
+    rod = found.rod.for_tolerance(tolerance)
+    if rod is not found.rod:
+        closer = settle(rod, found.q, found.F)
         if closer is None:
             return found, np.inf
         found = closer

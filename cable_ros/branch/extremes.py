@@ -10,9 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.contact.clearance import clearance
-from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, LENGTH
-from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.limits import QUANTITIES, Extreme
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import position
@@ -49,8 +46,7 @@ def extremes(
         limits: of the cable.
         obstacles: of the scene, whether or not contact is among the effects.
     """
-    arc_lengths, forces = point_forces(rod)
-    loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), arc_lengths, forces)
+    loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), *point_forces(rod))
     compliance = rod.compliance
     mesh = rod.h.copy(), rod.s0.copy(), rod.mesh.element.order
     law = Law(rod.K, rod.natural)
@@ -63,18 +59,14 @@ def point_forces(rod: Rod) -> tuple[np.ndarray, np.ndarray]:
     The pressure at a sample of a patch becomes several forces with the same resultant and moment: a single
     one would cause a kink in the curvature.
     """
-    if isinstance(rod, NodalRod):
-        arc_lengths, _, _, forces, _, _, lengths = rod.contacts()
-    elif isinstance(rod, TouchingRod) and rod.count:
-        points = rod.points[: rod.count]
-        arc_lengths, lengths = points[:, ARC_LENGTH], points[:, LENGTH]
-        forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
-    else:
+    contacts = rod.loaded_contacts()
+    if contacts is None:
         return NO_ARC_LENGTHS, NO_LINES
-    times = np.where(lengths > 0.0, SPREAD, 1)
+    loaded = contacts()
+    times = np.where(loaded.lengths > 0.0, SPREAD, 1)
     apart = np.concatenate([(np.arange(count) + 0.5) / count - 0.5 for count in (*times, 1)])[:-1]
-    arc_lengths = np.repeat(arc_lengths, times) + apart * np.repeat(lengths, times)
-    forces = np.repeat(forces / times[:, None], times, axis=0)
+    arc_lengths = np.repeat(loaded.arc_lengths, times) + apart * np.repeat(loaded.lengths, times)
+    forces = np.repeat(loaded.forces / times[:, None], times, axis=0)
     order = np.argsort(arc_lengths, kind="stable")
     return np.ascontiguousarray(arc_lengths[order]), np.ascontiguousarray(forces[order])
 

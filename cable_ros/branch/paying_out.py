@@ -69,7 +69,7 @@ class PayingOut:
             there = _shortened(self._sought.conditions, length + t * (1.0 - length))
             return there if rod.qe @ there.qe > 0.0 else replace(there, qe=-there.qe)
 
-        fallback = None if isinstance(rod, NodalRod) else handover.nodal
+        fallback = handover.nodal if rod.replaceable else None
         rod.work = PIECE
         led = continue_branch(rod, q, F, path, 1e-3 * LOOSE, STEP, STEP, fallback, CONTACT_STEP)
         work = PIECE - led.rod.work

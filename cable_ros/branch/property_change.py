@@ -49,7 +49,7 @@ def with_section(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
     """A rod with the section, on the same mesh between the same clamps; `scale` as in `follow`."""
     if section.compliance is not None and section.compliance.any():
         new: Rod = StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
-    elif isinstance(rod, StretchingRod):
+    elif rod.compliance.any():
         new = Rod(rod.mesh, section.stiffness, section.natural)
     else:
         new = rod.variant(stiffness=section.stiffness, natural=section.natural, scale=scale)
@@ -64,7 +64,7 @@ def follow(
 
     `scale` is the new unit of force over the old one. The rod itself does not change.
     """
-    soft = rod.compliance * scale if isinstance(rod, StretchingRod) else None
+    soft = rod.compliance * scale if rod.compliance.any() else None
     before = Section(rod.K / scale, rod.natural, rod.f / scale, soft)
     F = F / scale
     logarithm = float(np.abs(np.log(target.stiffness / before.stiffness)).max())

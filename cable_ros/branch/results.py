@@ -10,15 +10,11 @@ from typing import Any
 import numpy as np
 
 from cable_ros.branch.modes import modes
-from cable_ros.contact.friction_kernels import FRICTIONLESS
-from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.report import contact_table, on_grid
+from cable_ros.contact.report import contact_table
 from cable_ros.contact.response import cross_matrix
-from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
 from cable_ros.rod import output, quaternion
 from cable_ros.rod.elements import Mesh, integrals, sampling
-from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
 
@@ -55,7 +51,7 @@ class Reader:
         end_wrench, start_wrench = np.empty(6), np.empty(6)
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
         out, contact = (end_wrench, start_wrench, points, orientations), rod.contact_force()
-        if isinstance(rod, TouchingRod) and rod.count:
+        if rod.adapts_mesh:
             table = (unit.force, unit.moment, unit.length), integrals(rod.mesh.element.order)
             output.read_anywhere(q, (rod.h, rod.s0), start, F, rod.f, contact, rod.qe, rod.g, table, out)
             return out
@@ -65,29 +61,23 @@ class Reader:
             self._known = known = rod.mesh, count, unit, (scale, tuple(sampling(rod.mesh, count)))
         table = known[3]
         output.read(q, rod.h, start, F, rod.f, contact, rod.qe, rod.g, table, out)
-        if isinstance(rod, StretchingRod):
-            rod.stretch_points(q, F, table[1], start, unit.length, points)
+        rod.stretch_points(q, F, table[1], start, unit.length, points)
         return out
 
 
 def touching(
-    rod: Rod, friction: np.ndarray | None, names: Sequence[str], start: np.ndarray, unit: Units
+    rod: Rod, names: Sequence[str], start: np.ndarray, unit: Units
 ) -> Callable[[], ContactTable] | None:
     """A function that returns the contacts when called; from copies, since the rod changes. None: no contact.
 
     Args:
-        friction: (obstacles,) coefficients; None: no obstacles.
+        rod: at an equilibrium.
         names: of the obstacles.
         start: (7,) the start clamp in the world, m, quaternion x y z w.
+        unit: of the cable.
     """
-    if isinstance(rod, NodalRod) and friction is not None:
-        return partial(on_grid, rod.contacts(), names, start.copy(), unit) if rod.touches else None
-    if not isinstance(rod, TouchingRod) or not rod.count or friction is None:
-        return None
-    coefficients = friction if rod.model != FRICTIONLESS else np.zeros(len(friction))
-    points, normals = rod.points[: rod.count].copy(), rod.normals[: rod.count].copy()
-    curve = rod.c.copy(), rod.h.copy(), rod.s0.copy()
-    return partial(contact_table, points, normals, curve, coefficients, names, start.copy(), unit)
+    contacts = rod.loaded_contacts()
+    return None if contacts is None else partial(contact_table, contacts, names, start.copy(), unit)
 
 
 class Tangent:
@@ -126,13 +116,7 @@ class Tangent:
         moving, names = obstacles, list(self._names)
         scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2 + len(moving))
         scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2 + len(moving))
-        if not moving:
-            response = copy.clamp_stiffness(q, F)
-        elif isinstance(copy, TouchingRod | NodalRod) and copy.touches:
-            response = copy.wrench_response(q, F, [names.index(name) for name in moving])
-        else:
-            response = np.zeros((len(scale_wrench), len(scale_wrench)))
-            response[:12, :12] = copy.clamp_stiffness(q, F)
+        response = copy.wrench_response(q, F, [names.index(name) for name in moving])
         response = -response * scale_wrench[:, None] / scale_motion[None, :]
         if moving:
             # obstacles: from the start clamp's frame to the world's

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cable_ros.branch.branch_record import BranchRecord
 from cable_ros.branch.cold_start import Found, Sought, equilibria, refine, same
 from cable_ros.branch.search import Search
-from cable_ros.branch.standing import Standing
 from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.equilibrium import Equilibrium, Status
@@ -89,13 +89,13 @@ class SearchedEquilibrium(TrackedEquilibrium):
         if found is None:
             return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
         if pending.loss_cause:
-            waiting, target_twist = self._standing.waiting, search.sought.target_twist
+            waiting, target_twist = self._record.waiting, search.sought.target_twist
             twist = (
                 "" if target_twist is None else f", total twist {target_twist:.3f} -> {found.twist:.3f} rad"
             )
             self._lose(pending.loss_cause + twist)
-            self._standing = replace(self._standing, waiting=waiting)
-        self._memory = None
+            self._record = replace(self._record, waiting=waiting)
+        self._grid_history = None
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
 
@@ -110,10 +110,10 @@ class SearchedEquilibrium(TrackedEquilibrium):
         there = np.array_equal(joints, pending.joints)
         found = self._search(pending, begin)
         if self._pending is not None:
-            if not there or self._standing.waiting:
-                self._standing = self._standing.asked(pending.joints, joints)
+            if not there or self._record.waiting:
+                self._record = self._record.with_waiting(pending.joints, joints)
             return found
-        more_poses = self._model == COULOMB and bool(self._standing.waiting)
+        more_poses = self._model == COULOMB and bool(self._record.waiting)
         return found if there and not more_poses else None
 
     def branches(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> list[Equilibrium]:
@@ -121,7 +121,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
         begin = time.perf_counter()
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
-        self._standing, self._pending, self._memory = Standing(), None, None
+        self._record, self._pending, self._grid_history = BranchRecord(), None, None
         if not np.linalg.norm(conditions.re) < self._reach:
             return out
         found: list[Found] = []

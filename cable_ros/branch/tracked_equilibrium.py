@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from cable_ros.branch import handover, results
+from cable_ros.branch.branch_record import BranchRecord, GridHistory, Loss, is_unique, relative_motion
 from cable_ros.branch.cable_model import CableModel
 from cable_ros.branch.cold_start import (
     ACCEPT,
@@ -20,14 +21,11 @@ from cable_ros.branch.cold_start import (
 )
 from cable_ros.branch.continuation import FREE_TO_TURN, SnapThrough
 from cable_ros.branch.extremes import Obstacles, extremes
-from cable_ros.branch.standing import Loss, Memory, Standing, alone, motion
 from cable_ros.common.backoff import Backoff
-from cable_ros.contact.distance import FRICTION_COEFFICIENT, placed
+from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
-from cable_ros.contact.points import KIND, POINT, SLIPS
-from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.effects.choice import Choice
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Overlap, Status
@@ -41,6 +39,7 @@ GRID = 0.05
 """Maximum estimated error of an equilibrium with friction on a grid of contacts; see `NodalRod`."""
 COARSE = "Contact was solved on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
+INACCURATE = "The estimated error of the end wrench, {:.1e}, exceeds the tolerance {:.0e}."
 SINKS = "The cable still penetrates an obstacle between contact points."
 LONGEST_STAY = 63
 """Maximum number of poses that a cable stays on its grid of contacts before it is solved without again."""
@@ -68,18 +67,18 @@ class TrackedEquilibrium(CableModel):
         self._q, self._F = np.empty((0, 4)), np.empty(3)
         self._joints = np.empty(0)
         self._twist: float | None = None
-        self._standing = Standing()
+        self._record = BranchRecord()
         self._passing = False  # whether the pose is a waiting one that the path passes through
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
         self._apart = np.inf
-        self._memory: Memory | None = None
+        self._grid_history: GridHistory | None = None
         self._off_grid = Backoff(LONGEST_STAY)
 
     @property
     def lost(self) -> str:
         """Why the branch was lost, a clause; empty while it is known."""
-        loss = self._standing.loss
+        loss = self._record.loss
         return "" if loss is None else loss.cause
 
     def distrust(self, cause: str) -> None:
@@ -87,7 +86,7 @@ class TrackedEquilibrium(CableModel):
         self._lose(cause)
 
     def _lose(self, cause: str) -> None:
-        self._standing = self._standing.lost(cause, self._model == COULOMB, self._joints, self._twist)
+        self._record = self._record.after_loss(cause, self._model == COULOMB, self._joints, self._twist)
         if self._rod is not None:
             self._rod.forgot = False
 
@@ -100,140 +99,151 @@ class TrackedEquilibrium(CableModel):
                 turned = f"total twist {snap.twist_before:.3f} -> {snap.twist_after:.3f} rad"
                 self._lose(f"it snapped, {turned}, with a stability margin of {snap.margin:.2g} before")
             elif snap.jumped:
-                self._standing = self._standing.snapped(snap)
+                self._record = self._record.after_snap(snap)
 
-    def _mend(self, before: Conditions, step: bool, free: Callable[[Loss], float | None]) -> None:
+    def _add_motion(self, before: Conditions, step: bool, free: Callable[[Loss], float | None]) -> None:
         """Add the motion since `before` to the record of a lost branch, which may be known again by it.
 
         `free` gives the twist here of a cable without contact, continued from the last known pose.
         """
-        rod, loss = self._rod, self._standing.loss
+        rod, loss = self._rod, self._record.loss
         assert rod is not None
         touching = rod.touches
-        if self._memory is not None:
-            gone = motion(before, conditions_of(rod))
-            self._memory = self._memory.followed(gone, touching, touching and _slips(rod), step)
+        motion, slips = relative_motion(before, conditions_of(rod)), touching and rod.all_slip
+        if self._grid_history is not None:
+            self._grid_history = self._grid_history.after_motion(motion, touching, slips, step)
         if loss is None:
             return
-        loss = loss.followed(motion(before, conditions_of(rod)), touching and _slips(rod), step)
-        if loss.forgotten or (not touching and loss.due and self._alone(rod, free(loss))):
-            self._standing = Standing()
+        loss = loss.after_motion(motion, slips, step)
+        if loss.resolved or (not touching and loss.search_due and self._is_unique(rod, free(loss))):
+            self._record = BranchRecord()
             return
-        self._standing = Standing(replace(loss, unasked=0.0) if not touching and loss.due else loss)
+        searched = not touching and loss.search_due
+        self._record = BranchRecord(replace(loss, since_search=0.0) if searched else loss)
 
     @property
     def _error(self) -> float:
         """Estimated relative error of the end wrench, with that of friction's history."""
-        return max(self._estimate, 0.0 if self._memory is None else self._memory.error)
+        return max(self._estimate, 0.0 if self._grid_history is None else self._grid_history.error)
 
     @property
     def _remembers(self) -> bool:
         """Whether the motion since a loss, or since friction came from a grid, counts."""
-        return self._standing.loss is not None or self._memory is not None
+        return self._record.loss is not None or self._grid_history is not None
 
-    def _alone(self, rod: Rod, free: float | None) -> bool:
+    def _is_unique(self, rod: Rod, free: float | None) -> bool:
         """Whether no other equilibrium is near, and its twist is within half a turn of `free`, rad."""
         if free is not None and not abs(float(rod.totals[TWIST]) - free) < np.pi:
             return False
         energy, _, _ = rod.linearize(self._q, self._F)
         rod.factor(0.0)
         here = Found(rod, self._q, self._F, energy, float(rod.totals[TWIST]), 0)
-        return alone(here, self._stiffness, self._natural, self._compliance, self.tolerance)
+        return is_unique(here, self._stiffness, self._natural, self._compliance, self.tolerance)
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
         self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints
-        if isinstance(found.rod, TouchingRod) and found.rod.model != self._model:
-            # it is factored without friction
-            found.rod.model, found.rod.ready = self._model, False
+        found.rod.use_friction(self._model)  # it is factored without
         self._resolved = self.tolerance
 
     def _finish(
         self, status: Status, message: str, iterations: int, poses: np.ndarray, begin: float
     ) -> Equilibrium:
         """Check the discretisation error, refine the mesh if it is too large, and make the result."""
-        rod = self._rod
-        assert rod is not None
-        if isinstance(rod, NodalRod):
-            self._estimate = rod.relative_error(self._q, self._F)
-            rod = self._exactly(rod, status)
+        assert self._rod is not None
+        if isinstance(self._rod, NodalRod):
+            self._estimate = self._rod.relative_error(self._q, self._F)
+            self._exactly(self._rod, status)
         else:
             self._off_grid.shorten()
-        if isinstance(rod, NodalRod):
-            self._margin = rod.stability_margin()
-            self._apart = self._closest_approach(poses[0])
-        elif rod.rotation == 0.0 or not self._estimate <= self.tolerance or rod.friction_changed():
-            self._estimate = rod.relative_error(self._q, self._F)
-            sinks = rod.unresolved(self._q, LENIENT).any()
-            beside = rod.clamp_errors(self._q, self._F).max()
-            if max(self._estimate, beside) > ACCEPT * self.tolerance or sinks:
-                found = Found.at(rod, self._q, self._F)
-                fine, self._estimate = refine(found, self.tolerance)
-                iterations += fine.iterations
-                before = rod, self._q, self._F
-                self._take(fine, self._joints)
-                rod = fine.rod
-                sinks = rod.unresolved(self._q, LENIENT).any()
-                if (rod.forgot or sinks or self._estimate > self.tolerance) and self._onto_grid(*before):
-                    return self._finish(status, message, iterations, poses, begin)
-                beside = rod.clamp_errors(self._q, self._F).max()
-            self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
-            if self._estimate > self.tolerance and self._onto_grid(rod, self._q, self._F):
+        rod = self._rod
+        due = rod.rotation == 0.0 or not self._estimate <= self.tolerance or rod.friction_changed()
+        if due and not rod.on_grid:
+            more, problem = self._refine(rod)
+            iterations, rod = iterations + more, self._rod
+            if rod.on_grid:
                 return self._finish(status, message, iterations, poses, begin)
-            if self._estimate > self.tolerance:
-                message = (
-                    f"The estimated error of the end wrench, {self._estimate:.1e}, exceeds the tolerance"
-                    f" {self.tolerance:.0e}."
-                )
-                return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
-            if sinks:
-                return self.failed(Status.NOT_CONVERGED, SINKS, time.perf_counter() - begin)
+            if problem:
+                return self.failed(Status.NOT_CONVERGED, problem, time.perf_counter() - begin)
+        if due or rod.on_grid:
             self._margin = rod.stability_margin()
-            self._apart = self._closest_approach(poses[0])
-        elif self._apart < self._diameter + self._units.length * rod.rotation:
+        if due or rod.on_grid or self._apart < self._diameter + self._units.length * rod.rotation:
             # two points can have approached by that much since the last check
             self._apart = self._closest_approach(poses[0])
         error = self._error
         if error > self._limit:
-            message = COARSE.format(error)
-            return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
-        if error > self.tolerance and status is Status.CONVERGED:
-            message = f"{message[:-1]}{ON_GRID.format(error)}"
+            return self.failed(Status.NOT_CONVERGED, COARSE.format(error), time.perf_counter() - begin)
         if rod.forgot:
             self._lose("friction was forgotten when the mesh changed")
-        unit, standing = self._units, self._standing
-        if self._margin < FREE_TO_TURN and status is Status.CONVERGED:
+        status, message = self._verdict(status, message, error)
+        return self._result(status, message, iterations, poses[0], begin)
+
+    def _refine(self, rod: Rod) -> tuple[int, str]:
+        """Estimate the error of a rod without a grid, and refine its mesh until it meets the tolerance.
+
+        If it cannot meet that, a frictional cable moves to a grid. Returns the iterations that the new mesh
+        took, and a sentence if there is no equilibrium to publish, else an empty one.
+        """
+        self._estimate = rod.relative_error(self._q, self._F)
+        sinks = rod.unresolved(self._q, LENIENT).any()
+        beside = rod.clamp_errors(self._q, self._F).max()
+        iterations = 0
+        if max(self._estimate, beside) > ACCEPT * self.tolerance or sinks:
+            before = rod, self._q, self._F
+            fine, self._estimate = refine(Found.at(*before), self.tolerance)
+            iterations = fine.iterations
+            self._take(fine, self._joints)
+            rod = fine.rod
+            sinks = rod.unresolved(self._q, LENIENT).any()
+            if (rod.forgot or sinks or self._estimate > self.tolerance) and self._onto_grid(*before):
+                return iterations, ""
+            beside = rod.clamp_errors(self._q, self._F).max()
+        self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
+        if self._estimate > self.tolerance:
+            moved = self._onto_grid(rod, self._q, self._F)
+            return iterations, "" if moved else INACCURATE.format(self._estimate, self.tolerance)
+        return iterations, SINKS if sinks else ""
+
+    def _verdict(self, status: Status, message: str, error: float) -> tuple[Status, str]:
+        """Status and message of the present equilibrium, with all that its user should know."""
+        converged, record = status is Status.CONVERGED, self._record
+        if converged and error > self.tolerance:
+            message = f"{message[:-1]}{ON_GRID.format(error)}"
+        if converged and self._margin < FREE_TO_TURN:
             message = FREE
-        if standing.loss is not None:
-            status, message = Status.BRANCH_LOST, standing.loss.message
-        elif standing.snaps and status is Status.CONVERGED and not self._passing:
-            status, message = Status.SNAPPED, standing.story(unit.moment)
-            self._standing = Standing()
-        overlaps: tuple[Overlap, ...] = ()
+        if record.loss is not None:
+            status, message = Status.BRANCH_LOST, record.loss.message
+        elif converged and record.snaps and not self._passing:
+            status, message = Status.SNAPPED, record.snap_message(self._units.moment)
+            self._record = BranchRecord()
         if self._apart < self._diameter:
-            overlaps = (Overlap(self.name, self._apart, self._diameter),)
             message = f"{message} {warning(self._apart, self._diameter)}"
-        if self.choice is not None:
-            message += self.choice.note
+        return status, message if self.choice is None else message + self.choice.note
+
+    def _result(
+        self, status: Status, message: str, iterations: int, start: np.ndarray, begin: float
+    ) -> Equilibrium:
+        """The present equilibrium as it is published; `start` (7,): its start clamp."""
+        rod, unit = self._rod, self._units
+        assert rod is not None
         self._twist = float(rod.totals[TWIST])
-        start = poses[0]
         end_wrench, start_wrench, points, orientations = self._reader.read(
             rod, self._q, self._F, start, unit, self.polyline_points
         )
-        friction = None if self._obstacles is None else self._obstacles[:, FRICTION_COEFFICIENT]
+        meets = self._apart < self._diameter
         return Equilibrium.of(
-            status=status, message=message, converged=standing.loss is None, stable=True,
+            status=status, message=message, converged=self._record.loss is None, stable=True,
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
             points=points, orientations=orientations, total_twist=self._twist,
             energy=float(rod.totals[ENERGY]) * unit.moment - unit.length * float(self._weight @ start[:3]),
-            error_estimate=error, iterations=iterations,
-            solve_time=time.perf_counter() - begin, overlaps=overlaps,
+            error_estimate=self._error, iterations=iterations, solve_time=time.perf_counter() - begin,
+            overlaps=(Overlap(self.name, self._apart, self._diameter),) if meets else (),
             _tangent=results.Tangent(rod, self._q, self._F, unit, self._names, start, self._density),
-            _touching=results.touching(rod, friction, self._names, start, unit),
+            _touching=results.touching(rod, self._names, start, unit),
         )  # fmt: skip
 
     def _onto_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
         """Move the frictional equilibrium (q, F) to a uniform grid of contacts; whether that succeeded."""
-        if not isinstance(rod, TouchingRod) or rod.model != COULOMB or not rod.count:
+        if self._model != COULOMB or not rod.frictional:
             return False
         on_grid = handover.nodal(rod, q, F)
         if on_grid is not None:
@@ -241,33 +251,33 @@ class TrackedEquilibrium(CableModel):
             self._off_grid.skip_next()
         return on_grid is not None
 
-    def _exactly(self, rod: NodalRod, status: Status) -> Rod:
-        """The equilibrium without the grid's error, if one is found beside it; else the rod as it is.
+    def _exactly(self, rod: NodalRod, status: Status) -> None:
+        """Take the equilibrium without the grid's error, if one is found beside it.
 
         With friction, this is tried only at poses that are asked for, and less and less often the sooner the
         cable was on its grid again.
         """
         rubs = self._model == COULOMB and rod.touches
         if rubs and (status is Status.UNFINISHED or self._passing):
-            return rod
+            return
         if rubs and self._off_grid.waits:
             self._off_grid.skip()
-            return rod
+            return
         found = handover.exact(rod, self.tolerance, self._model)
         if rubs:
             self._off_grid.tried()
         if found is None:
-            return rod
+            return
         if rubs:
             apart = handover.apart(rod, found)
             if apart > self._estimate:
-                return rod  # its friction is not that of the grid
+                return  # its friction is not that of the grid
             # friction of points that slip follows from the motion; what sticks keeps the grid's error
-            error = max(apart, 0.0 if _slips(found.rod) else rod.twin_error)
-            self._memory = Memory(max(error, 0.0 if self._memory is None else self._memory.error))
+            error = max(apart, 0.0 if found.rod.all_slip else rod.twin_error)
+            earlier = 0.0 if self._grid_history is None else self._grid_history.error
+            self._grid_history = GridHistory(max(error, earlier))
         self._take(found, self._joints)
         self._estimate = np.inf
-        return found.rod
 
     @property
     def _limit(self) -> float:
@@ -322,11 +332,3 @@ class TrackedEquilibrium(CableModel):
 def conditions_of(rod: Rod) -> Conditions:
     """The conditions of the rod's last equilibrium."""
     return Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-
-
-def _slips(rod: Rod) -> bool:
-    """Whether all contacts are points and slip: where a patch lies depends on the past even as it slips."""
-    if not isinstance(rod, TouchingRod):
-        return False
-    points = rod.points[: rod.count]
-    return bool((points[:, SLIPS] == 1.0).all() and (points[:, KIND] == POINT).all())

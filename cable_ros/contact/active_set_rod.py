@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
@@ -22,9 +25,19 @@ from cable_ros.contact.points import (
     POINT,
     SLIPS,
 )
-from cable_ros.contact.travel import FRICTION_CHANGE, FRICTION_LEAST, SHORTER, stride, travel
+from cable_ros.contact.report import listed
+from cable_ros.contact.travel import (
+    CONTACT_STEP,
+    FRICTION_CHANGE,
+    FRICTION_LEAST,
+    FRICTION_STEP,
+    SHORTER,
+    stride,
+    travel,
+)
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
+from cable_ros.rod.loaded_contacts import LoadedContacts
 
 KEPT = 1e-3
 """Maximum relative change of the total friction as contacts change on a new mesh."""
@@ -46,6 +59,36 @@ class ActiveSetRod(FixedSetRod):
     def lies(self) -> bool:  # type: ignore[override]
         """Whether it lies along an obstacle with friction."""
         return self.model == COULOMB and bool((self.points[: self.count, KIND] != POINT).any())
+
+    @property
+    def all_slip(self) -> bool:  # type: ignore[override]
+        points = self.points[: self.count]
+        return bool((points[:, SLIPS] == 1.0).all() and (points[:, KIND] == POINT).all())
+
+    @property
+    def replaceable(self) -> bool:  # type: ignore[override]
+        """With mobilised friction it is not: a grid has no such friction."""
+        return self.model != SLIDING
+
+    @property
+    def adapts_mesh(self) -> bool:  # type: ignore[override]
+        return self.count > 0
+
+    @property
+    def longest_step(self) -> float:  # type: ignore[override]
+        return CONTACT_STEP if self.model == FRICTIONLESS else FRICTION_STEP
+
+    def use_friction(self, model: int) -> None:
+        if self.model != model:
+            self.model, self.ready = model, False
+
+    def loaded_contacts(self) -> Callable[[], LoadedContacts] | None:
+        if not self.count or self.obstacles is None:
+            return None
+        points, normals = self.points[: self.count].copy(), self.normals[: self.count].copy()
+        rough = self.model != FRICTIONLESS
+        coefficients = self.obstacles[:, FRICTION_COEFFICIENT] * rough
+        return partial(listed, points, normals, (self.c.copy(), self.h.copy(), self.s0.copy()), coefficients)
 
     def spend(self, iterations: int) -> None:
         """Count iterations with the present mesh and contacts as work done."""

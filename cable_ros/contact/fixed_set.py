@@ -274,7 +274,9 @@ class FixedSetRod(Rod):
         return self.wrench_response(q, F, ()) if self.count else super().clamp_stiffness(q, F)
 
     def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
-        """Derivative of the wrenches on clamps and obstacles; see `response.wrench_response`."""
+        """As `Rod.wrench_response`; see `response.wrench_response`."""
+        if not self.count:
+            return super().wrench_response(q, F, moving)
         self.trace(q)
         self.rows = self.assemble(q, F, FRICTIONLESS)
         self.judged = self.ready = False

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from cable_ros.contact.distance import gaps
 from cable_ros.contact.nodal_kernels import COMPLIANCE, contact_frames, residuals
-from cable_ros.contact.nodal_response import contact_tangents, standing, wrench_response
+from cable_ros.contact.nodal_response import contact_tangents, frozen_step, wrench_response
 from cable_ros.contact.nodal_stability import ITERATIONS, condensed, softest
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, spaces, workplace
 from cable_ros.contact.nodal_tangent import jacobian
@@ -19,6 +20,7 @@ from cable_ros.linalg.band_lu import band_factor
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.rod_state import ENERGY, Evaluation, Grid, Section, Tangents
 
 FEWEST, MOST = 80, 192
@@ -152,12 +154,8 @@ class NodalContacts(Rod):
         """(m + 1, o): which contacts slide."""
         return self._slips
 
-    def contacts(self) -> tuple[np.ndarray, ...]:
-        """Arc lengths (c,), positions, normals and forces (c, 3), obstacles, whether they slide, and the
-        length along which each force is spread (c,), by rising arc length.
-
-        Three or more side by side are a patch, each the pressure on a cell.
-        """
+    def contacts(self) -> LoadedContacts:
+        """The loaded contacts; three or more side by side are a patch, each the pressure on a cell."""
         at = np.nonzero(self.state.lam)
         pressed = np.pad(self.state.lam != 0.0, ((2, 2), (0, 0)))
         count = len(self.state.lam)
@@ -166,7 +164,11 @@ class NodalContacts(Rod):
         spread = np.where(runs[0] | runs[1] | runs[2], 1.0 / self.cells, 0.0)[at]
         normals, forces = self._pressed()
         arc_lengths = np.append(self.s0, 1.0)[at[0]]
-        return arc_lengths, self.state.r[at[0]], normals[at], forces[at], at[1], self.sliding()[at], spread
+        positions, sliding = self.state.r[at[0]], self.sliding()[at]
+        return LoadedContacts(arc_lengths, positions, normals[at], forces[at], at[1], sliding, spread)
+
+    def loaded_contacts(self) -> Callable[[], LoadedContacts] | None:
+        return partial(LoadedContacts, *self.contacts()) if self.touches else None
 
     def _weigh(self) -> None:
         """Add the weight's potential energy to the elastic one, which is all that `residuals` counts."""
@@ -262,7 +264,7 @@ class NodalContacts(Rod):
         """
         state, (normals, forces) = self.state, self._pressed()
         friction = forces - state.lam[:, :, None] * normals
-        step = standing(state, self._last_step(), friction, self.frames, self.sliding())
+        step = frozen_step(state, self._last_step(), friction, self.frames, self.sliding())
         return wrench_response(
             state, self._model, step, self._work, self._tangents, self._rows, self._band, forces, moving
         )

@@ -28,7 +28,7 @@ SLID = 1e8
 """Lengths over which what slips counts as having slipped: no small motion turns its direction."""
 
 
-def standing(state: State, step: Step, forces: np.ndarray, frames: np.ndarray, slips: np.ndarray) -> Step:
+def frozen_step(state: State, step: Step, forces: np.ndarray, frames: np.ndarray, slips: np.ndarray) -> Step:
     """The step that stays at the equilibrium to which `step` led.
 
     Args:
@@ -54,7 +54,7 @@ def wrench_response(
 
     Args:
         state: an equilibrium.
-        model, step: of the rod; the step as `standing` makes it.
+        model, step: of the rod; the step as `frozen_step` makes it.
         work, tangents, rows, band: the rod's, overwritten.
         forces: (m + 1, o, 3) of the obstacles on the cable, EI / L^2.
         moving: numbers of the k obstacles that may move.

@@ -59,6 +59,8 @@ class NodalRod(NodalSolver):
 
     few = 25
     remembers = True
+    on_grid = True
+    longest_step, first_stride = STEP, 1.0
 
     def __init__(
         self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
@@ -236,21 +238,21 @@ class NodalRod(NodalSolver):
     ) -> NodalRod:  # fmt: skip
         """As `Rod.variant`, at the same equilibrium; the mesh stays."""
         section = self.K if stiffness is None else stiffness, self.natural if natural is None else natural
-        new = standing_rod(self._known(), self, *section, scale)
+        new = restored_rod(self._known(), self, *section, scale)
         if self.twin is not None:
             new.twin = self.twin.variant(None, stiffness, natural, scale)
             new.twin.follows = True
         return new
 
     def snapshot(self) -> Callable[[], Rod]:
-        return partial(standing_rod, self._known(), self, self.K, self.natural)
+        return partial(restored_rod, self._known(), self, self.K, self.natural)
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Relative difference of its end wrench from its twin's, when they last were at one pose."""
         return self._estimate
 
 
-def standing_rod(
+def restored_rod(
     known: Known, like: NodalRod, stiffness: np.ndarray, natural: np.ndarray, scale: float = 1.0
 ) -> NodalRod:
     """A rod without a twin at a known equilibrium, with the cells and the friction of the rod `like`.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a cable touches, for `Equilibrium.contacts`: in the world, in SI units."""
+"""Where a cable touches: its loaded contacts, and `Equilibrium.contacts` in the world, in SI units."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, FRICTION, LENGTH
 from cable_ros.equilibrium import ContactTable
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import position
+from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.units import Units
 
 AT_LIMIT = 1e-4
@@ -19,36 +20,31 @@ AT_LIMIT = 1e-4
 which is no motion, it sticks there."""
 
 
-def contact_table(
+def listed(
     points: np.ndarray, normals: np.ndarray, curve: tuple[np.ndarray, np.ndarray, np.ndarray],
-    coefficients: np.ndarray, names: Sequence[str], start: np.ndarray, units: Units,
-) -> ContactTable:  # fmt: skip
-    """The contact points in the world, by rising arc length.
+    coefficients: np.ndarray,
+) -> LoadedContacts:  # fmt: skip
+    """The loaded contacts of a rod with contact points.
 
     Args:
         points: (n, COLUMNS), see `contact.points`, with `normals` (n, 3), both in the start clamp's frame.
         curve: coefficients of the centreline, lengths and starts of the elements, see
             `centreline.curve`.
         coefficients: of friction (obstacles,), zeros where it is left out.
-        names: of the obstacles.
-        start: (7,) the start clamp in the world, m, quaternion x y z w.
-        units: of the cable.
     """
     order = np.argsort(points[:, ARC_LENGTH], kind="stable")
     points, normals = points[order], normals[order]
-    turn = quaternion.matrix_from_ros(start[3:]).T
     which, friction = points[:, OBSTACLE].astype(int), points[:, FRICTION:BEFORE]
     cone, size = coefficients[which] * points[:, FORCE], np.linalg.norm(friction, axis=1)
     arc_lengths = np.ascontiguousarray(points[:, ARC_LENGTH])
-    return ContactTable(
-        names=tuple(names),
-        obstacle=which,
-        arc_length=arc_lengths * units.length,
-        position=start[:3] + units.length * positions(*curve, arc_lengths) @ turn,
-        normal=normals @ turn,
-        force=units.force * (points[:, FORCE, None] * normals + friction) @ turn,
-        length=points[:, LENGTH] * units.length,
+    return LoadedContacts(
+        arc_lengths=arc_lengths,
+        positions=positions(*curve, arc_lengths),
+        normals=normals,
+        forces=points[:, FORCE, None] * normals + friction,
+        obstacles=which,
         sliding=(cone > 0.0) & ((points[:, SLIPS] == 1.0) | (size > (1.0 - AT_LIMIT) * cone)),
+        lengths=points[:, LENGTH],
     )
 
 
@@ -61,24 +57,25 @@ def positions(c: np.ndarray, h: np.ndarray, s0: np.ndarray, arc_lengths: np.ndar
     return out
 
 
-def on_grid(
-    touching: tuple[np.ndarray, ...], names: Sequence[str], start: np.ndarray, units: Units
+def contact_table(
+    contacts: Callable[[], LoadedContacts], names: Sequence[str], start: np.ndarray, units: Units
 ) -> ContactTable:
-    """The contacts of a `NodalRod` in the world, by rising arc length.
+    """The contacts in the world, by rising arc length.
 
     Args:
-        touching: see `NodalRod.contacts`.
-        names, start, units: as in `contact_table`.
+        contacts: see `Rod.loaded_contacts`.
+        names: of the obstacles.
+        start: (7,) the start clamp in the world, m, quaternion x y z w.
+        units: of the cable.
     """
-    arc_lengths, positions, normals, forces, obstacles, sliding, spread = touching
-    turn = quaternion.matrix_from_ros(start[3:]).T
+    loaded, turn = contacts(), quaternion.matrix_from_ros(start[3:]).T
     return ContactTable(
         names=tuple(names),
-        obstacle=obstacles,
-        arc_length=arc_lengths * units.length,
-        position=start[:3] + units.length * positions @ turn,
-        normal=normals @ turn,
-        force=units.force * forces @ turn,
-        length=spread * units.length,
-        sliding=sliding,
+        obstacle=loaded.obstacles,
+        arc_length=loaded.arc_lengths * units.length,
+        position=start[:3] + units.length * loaded.positions @ turn,
+        normal=loaded.normals @ turn,
+        force=units.force * loaded.forces @ turn,
+        length=loaded.lengths * units.length,
+        sliding=loaded.sliding,
     )

@@ -53,6 +53,9 @@ class TouchingRod(ActiveSetRod):
             new.count = resample(new.points, new.count, new.h, new.s0)
         return new
 
+    def for_tolerance(self, tolerance: float) -> TouchingRod:
+        return self if tolerance == self.tolerance else self.variant(tolerance=tolerance)
+
     def minimum(
         self, q: np.ndarray, F: np.ndarray, options: Options
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
@@ -115,10 +118,10 @@ class TouchingRod(ActiveSetRod):
         return descend_instead(self, q, F, qe, re, f, limit, obstacles, result)
 
     def snapshot(self) -> Callable[[], Rod]:
-        return partial(_standing, self, self.mesh, self.points[: self.count].copy(), self.obstacles)
+        return partial(_restored, self, self.mesh, self.points[: self.count].copy(), self.obstacles)
 
 
-def _standing(rod: TouchingRod, mesh: Mesh, points: np.ndarray, obstacles: np.ndarray | None) -> TouchingRod:
+def _restored(rod: TouchingRod, mesh: Mesh, points: np.ndarray, obstacles: np.ndarray | None) -> TouchingRod:
     """A rod like `rod`, among these obstacles and with these contact points (k, COLUMNS)."""
     new = rod.variant(mesh)
     new.count = len(points)

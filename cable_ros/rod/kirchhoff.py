@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import chain
 
 import numpy as np
@@ -13,6 +13,7 @@ from cable_ros.rod import entry_points, error_estimate, quaternion, warm_step
 from cable_ros.rod.clamp_stiffness import clamp_response
 from cable_ros.rod.elements import Mesh, enrichment
 from cable_ros.rod.energy_kernels import workspace
+from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.solve.trust_region import Options, minimize
 
@@ -68,6 +69,24 @@ class Rod:
 
     lies = False
     """Whether it lies along an obstacle with friction."""
+
+    all_slip = False
+    """Whether all contacts are points and slip: where a patch lies depends on the past even as it slips."""
+
+    on_grid = False
+    """Whether its contacts sit at fixed material points, whose spacing limits its accuracy."""
+
+    replaceable = False
+    """Whether a rod whose contacts sit on a grid can take its place where a step fails."""
+
+    adapts_mesh = False
+    """Whether its steps change the lengths of the elements."""
+
+    longest_step = np.inf
+    """Maximum motion of clamps and obstacles in one step, L."""
+
+    first_stride = 0.5
+    """Maximum first step of a continuation over the longest one."""
 
     stride = 2.0
     """Length of the next step over that of the last, as friction allows."""
@@ -152,9 +171,20 @@ class Rod:
         new.set_conditions(self.qe, self.re, self.f / scale)
         return new
 
+    def for_tolerance(self, tolerance: float) -> Rod:
+        """The rod for another tolerance of the end wrench: itself, if only its mesh depends on that."""
+        return self
+
     def snapshot(self) -> Callable[[], Rod]:
         """A function that makes a copy of this rod as it is now; cheap until it is called."""
         return self.variant
+
+    def use_friction(self, model: int) -> None:
+        """Let contacts obey the friction `model`, see `contact.friction_kernels`."""
+
+    def loaded_contacts(self) -> Callable[[], LoadedContacts] | None:
+        """A function that lists the contacts as they are now; cheap until it is called. None: no contact."""
+        return None
 
     def contact_force(self) -> np.ndarray:
         """(3,): force of the obstacles on the rod."""
@@ -298,6 +328,20 @@ class Rod:
         self.linearize(q, F)
         self.factor(-bordered.NEUTRAL)
         return clamp_response(q, F, (self.qe, self.re, self.f), self.grid, self.saddle)
+
+    def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
+        """Derivative (12 + 6k, 12 + 6k) of the wrenches on the clamps and the k obstacles `moving` by their
+        motions; zero for obstacles that it does not touch.
+        """
+        out = np.zeros((12 + 6 * len(moving), 12 + 6 * len(moving)))
+        out[:12, :12] = self.clamp_stiffness(q, F)
+        return out
+
+    def stretch_points(
+        self, q: np.ndarray, F: np.ndarray, table: tuple[np.ndarray, ...], start: np.ndarray,
+        length: float, points: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Add the displacement by the stretch to the `points`; see `StretchingRod`."""
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Estimated error (6,) of end force and moment, in units of the cable; see `error_estimate.error`."""

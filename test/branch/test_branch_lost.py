@@ -16,8 +16,8 @@ from zoo_make import ARM
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.branch import cable_tracker, handover
+from cable_ros.branch.branch_record import BranchRecord, Loss
 from cable_ros.branch.continuation import FOLD, SMALL, SnapThrough
-from cable_ros.branch.standing import Loss, Standing
 from cable_ros.joint import joint_load, joint_stiffness, joint_torque
 from cable_ros.log import events
 from cable_ros.log.resolve import Outcome, resolve
@@ -197,28 +197,29 @@ def test_poses_that_wait_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_sticks_in_between_counts_from_the_beginning() -> None:
-    loss = Loss(TOLD, history=True).followed(0.1, slips=False, step=True)
-    loss = loss.followed(0.1, slips=True, step=True)
-    assert not loss.forgotten  # within this motion it began to slip
-    loss = loss.followed(0.15, slips=True, step=True)
-    assert not loss.forgotten
-    assert loss.followed(0.05, slips=True, step=True).forgotten
-    stuck = loss.followed(0.05, slips=False, step=True)
-    assert not stuck.followed(0.1, slips=True, step=True).followed(0.3, slips=True, step=True).forgotten
+    loss = Loss(TOLD, history=True).after_motion(0.1, slips=False, step=True)
+    loss = loss.after_motion(0.1, slips=True, step=True)
+    assert not loss.resolved  # within this motion it began to slip
+    loss = loss.after_motion(0.15, slips=True, step=True)
+    assert not loss.resolved
+    assert loss.after_motion(0.05, slips=True, step=True).resolved
+    stuck = loss.after_motion(0.05, slips=False, step=True)
+    slips_again = stuck.after_motion(0.1, slips=True, step=True)
+    assert not slips_again.after_motion(0.3, slips=True, step=True).resolved
     # nothing is known between the ends of a continuation
-    assert not loss.followed(0.05, slips=True, step=False).forgotten
+    assert not loss.after_motion(0.05, slips=True, step=False).resolved
     # without friction there is nothing to forget, and the branch is not known by slip
-    assert not replace(loss, history=False).followed(1.0, slips=True, step=True).forgotten
+    assert not replace(loss, history=False).after_motion(1.0, slips=True, step=True).resolved
 
 
-def test_snaps_are_kept_until_they_are_told() -> None:
-    standing = Standing()
+def test_snaps_are_kept_until_they_are_reported() -> None:
+    record = BranchRecord()
     for _ in range(5):
-        standing = standing.snapped(SNAP)
-    story = standing.story(1.0)
-    assert "2 times before" in story
-    assert story.count("total twist") == 3
-    assert standing.lost(TOLD, True, np.zeros(1), 0.0).snapped(SNAP).snaps == ()
+        record = record.after_snap(SNAP)
+    message = record.snap_message(1.0)
+    assert "2 times before" in message
+    assert message.count("total twist") == 3
+    assert record.after_loss(TOLD, True, np.zeros(1), 0.0).after_snap(SNAP).snaps == ()
 
 
 def test_another_tolerance_keeps_the_branch_and_its_friction() -> None:

@@ -12,7 +12,7 @@ from cable_ros.branch.continuation import SnapThrough
 from cable_ros.contact.distance import POSE
 from cable_ros.equilibrium import Status
 
-ASK = 0.1
+SEARCH_INTERVAL = 0.1
 """Minimum motion of the clamps, L or rad, between two searches for other equilibria."""
 ALIKE = 1e-2
 """Maximum relative difference of energy and end moment of one equilibrium, found twice by coarse searches."""
@@ -40,34 +40,36 @@ class Loss:
     """A clause."""
     history: bool
     """Whether friction's history was forgotten."""
-    stuck: float = 0.0
+    before_slip: float = 0.0
     """Relative motion of clamps and obstacles since then, up to the onset of slip at every point."""
-    slid: float = -1.0
+    since_slip: float = -1.0
     """Relative motion since that onset; negative: some point sticks."""
     joints: tuple[float, ...] = ()
     """Joint values where the branch was last known; empty: nowhere."""
     twist: float = np.nan
     """Total twist there, rad."""
-    unasked: float = np.inf
+    since_search: float = np.inf
     """Relative motion since the last search for other equilibria."""
 
-    def followed(self, motion: float, slips: bool, step: bool) -> Loss:
+    def after_motion(self, motion: float, slips: bool, step: bool) -> Loss:
         """After a `motion`, in one `step` or several, to a pose where every contact point `slips`, or not."""
-        unasked = self.unasked + motion
-        if slips and step and self.slid >= 0.0:
-            return replace(self, slid=self.slid + motion, unasked=unasked)
-        stuck = self.stuck + max(self.slid, 0.0) + motion
-        return replace(self, stuck=stuck, slid=0.0 if slips else -1.0, unasked=unasked)
+        since_search = self.since_search + motion
+        if slips and step and self.since_slip >= 0.0:
+            return replace(self, since_slip=self.since_slip + motion, since_search=since_search)
+        before_slip = self.before_slip + max(self.since_slip, 0.0) + motion
+        return replace(
+            self, before_slip=before_slip, since_slip=0.0 if slips else -1.0, since_search=since_search
+        )
 
     @property
-    def forgotten(self) -> bool:
+    def resolved(self) -> bool:
         """Whether friction no longer depends on the lost history."""
-        return self.history and self.slid >= self.stuck > 0.0
+        return self.history and self.since_slip >= self.before_slip > 0.0
 
     @property
-    def due(self) -> bool:
+    def search_due(self) -> bool:
         """Whether to search for other equilibria, which takes as long as a cold start."""
-        return self.unasked >= ASK
+        return self.since_search >= SEARCH_INTERVAL
 
     @property
     def message(self) -> str:
@@ -76,56 +78,57 @@ class Loss:
 
 
 @dataclass(frozen=True)
-class Memory:
-    """Friction that came from a grid of contacts: its error, and the motion since."""
+class GridHistory:
+    """Friction's history that was computed on a grid of contacts: its error, and the motion since."""
 
     error: float
     """Relative error of the end wrench."""
     since: Loss = Loss("", history=True)
     """The motion since, counted as after a loss."""
 
-    def followed(self, motion: float, touches: bool, slips: bool, step: bool) -> Memory | None:
-        """As `Loss.followed`; None once friction no longer depends on that."""
-        since = self.since.followed(motion, slips, step)
-        return None if since.forgotten or not touches else Memory(self.error, since)
+    def after_motion(self, motion: float, touches: bool, slips: bool, step: bool) -> GridHistory | None:
+        """As `Loss.after_motion`; None once friction no longer depends on that history."""
+        since = self.since.after_motion(motion, slips, step)
+        return None if since.resolved or not touches else GridHistory(self.error, since)
 
 
 @dataclass(frozen=True)
-class Standing:
-    """What is known of the present equilibrium's branch."""
+class BranchRecord:
+    """Whether the branch of the present equilibrium is known, and what has to be reported of it."""
 
     loss: Loss | None = None
     snaps: tuple[SnapThrough, ...] = ()
     """The last snap-throughs at folds that no result has reported yet, at most MOST_REPORTED."""
-    more: int = 0
+    earlier: int = 0
     """Number of such snap-throughs before these."""
     waiting: tuple[tuple[float, ...], ...] = ()
     """Joint values of the poses asked for and not reached yet: friction depends on the path."""
 
-    def lost(self, cause: str, history: bool, joints: np.ndarray, twist: float | None) -> Standing:
+    def after_loss(self, cause: str, history: bool, joints: np.ndarray, twist: float | None) -> BranchRecord:
         """After a loss at `joints` (n,) with total twist `twist`, rad; an earlier loss keeps its pose."""
         before = self.loss
         if before is not None:
-            return Standing(Loss(cause, history or before.history, joints=before.joints, twist=before.twist))
+            history = history or before.history
+            return BranchRecord(Loss(cause, history, joints=before.joints, twist=before.twist))
         if twist is None:
-            return Standing(Loss(cause, history))
-        return Standing(Loss(cause, history, joints=tuple(joints.tolist()), twist=twist))
+            return BranchRecord(Loss(cause, history))
+        return BranchRecord(Loss(cause, history, joints=tuple(joints.tolist()), twist=twist))
 
-    def snapped(self, snap: SnapThrough) -> Standing:
+    def after_snap(self, snap: SnapThrough) -> BranchRecord:
         """After a snap-through at a fold."""
         if self.loss is not None:
             return self
         snaps = (*self.snaps, snap)
-        return Standing(None, snaps[-MOST_REPORTED:], self.more + max(0, len(snaps) - MOST_REPORTED))
+        return BranchRecord(None, snaps[-MOST_REPORTED:], self.earlier + max(0, len(snaps) - MOST_REPORTED))
 
-    def asked(self, here: np.ndarray, joints: np.ndarray) -> Standing:
+    def with_waiting(self, here: np.ndarray, joints: np.ndarray) -> BranchRecord:
         """After another pose, `joints` (n,), was asked for and not reached; the cable is `here` (n,)."""
         route = [tuple(here.tolist()), *self.waiting]
         while len(route) > 1 and passes(np.array(route[-2]), np.array(route[-1]), joints):
             route.pop()  # it is on the straight path to the next
         return replace(self, waiting=(*route[1:], tuple(joints.tolist())))
 
-    def story(self, unit: float) -> str:
+    def snap_message(self, unit: float) -> str:
         """The message of snap-throughs; `unit`: of energy, J."""
         parts = [
             f"total twist {s.twist_before:.3f} -> {s.twist_after:.3f} rad,"
@@ -133,7 +136,7 @@ class Standing:
             f" at {100 * s.at:.4g} % of the step{BY_RULE if s.crossed else ''}"
             for s in self.snaps
         ]
-        before = f"{self.more} times before; " if self.more else ""
+        before = f"{self.earlier} times before; " if self.earlier else ""
         return f"{Status.SNAPPED.sentence[:-1]} ({before}{'; '.join(parts)})."
 
 
@@ -146,7 +149,7 @@ def passes(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> bool:
     return bool(0.0 <= fraction <= 1.0 and off <= 1e-9 * (1.0 + np.abs(c).max(initial=0.0)))
 
 
-def motion(a: Conditions, b: Conditions) -> float:
+def relative_motion(a: Conditions, b: Conditions) -> float:
     """Largest motion of clamps, obstacles and weight relative to the start clamp, L or rad."""
     turned = 2.0 * min(np.abs(a.qe - b.qe).max(), np.abs(a.qe + b.qe).max())
     weighed = np.abs(a.f - b.f).max() / (1.0 + np.linalg.norm(a.f))
@@ -157,7 +160,7 @@ def motion(a: Conditions, b: Conditions) -> float:
     return out
 
 
-def alone(
+def is_unique(
     here: Found, stiffness: np.ndarray, natural: np.ndarray, compliance: np.ndarray | None, tolerance: float
 ) -> bool:
     """Whether a search finds no other equilibrium without contact within half a turn of twist.
