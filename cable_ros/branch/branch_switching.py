@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Branch switching: from an equilibrium about to lose its stability along its softest mode to a stable one."""
+"""Branch switching: from an equilibrium about to lose its stability, along its softest mode, to a stable one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import Rod
 
 AMPLITUDES = (0.1, 0.3, 1.0)
-"""Perturbations along the mode, root of twice the elastic energy: sections turn by about a third of it, rad."""
+"""Perturbations along the mode, root of twice the elastic energy: sections turn by a third of that, rad."""
 TOLERANCE = 1e-8
 """Of Newton's method, rad."""
 

@@ -63,7 +63,7 @@ AWAY = 0.2
 SNAP_WORK = 90_000.0
 """Minimum budget of a snap-through: without it no call would get past a fold."""
 AHEAD = 100.0
-"""Number of steps along the path to where a bifurcating branch is looked for: closer it is all but neutral."""
+"""Number of steps along the path to where a bifurcating branch is looked for."""
 FREE_SNAPS = 2
 """Number of snap-throughs outside the budget: even a small step may meet a fold, and end just before it."""
 GRID = np.linspace(0.0, 1.0, 33)
@@ -318,9 +318,7 @@ def _to_fold(at: float, margin: float, before: float, margin_before: float) -> f
     return (at - before) * margin**2 / decrease if decrease > 0.0 else np.inf
 
 
-def snap_through(
-    rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions
-) -> Found | None:
+def snap_through(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> Found | None:
     """Descend the energy from (q, F) under the given conditions, in steps too short to cross a ridge.
 
     Returns the stable equilibrium at the end; None if none was reached.

@@ -126,7 +126,7 @@ def descend_instead(
     rod.set_conditions(qe, re, f, obstacles)
     start = q.copy()
     start[-1] = end
-    kept_back = (1.0 - SHARE) * rod.work
+    kept_back = (1.0 - SHARE) * rod.work if np.isfinite(rod.work) else 0.0
     rod.work -= kept_back
     found = descend(rod, start, F, DESCENT_OPTIONS, FAR)
     rod.work += kept_back
