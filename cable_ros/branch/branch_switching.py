@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Branch switching: from an equilibrium about to lose its stability, along its softest mode, to a stable one."""
+"""Branch switching: from an equilibrium that is about to lose its stability to a stable one beside it."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from cable_ros.branch.cold_start import (
     on_mesh,
     refine,
 )
-from cable_ros.branch.continuation import End, continue_branch
+from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, continue_branch
 from cable_ros.branch.property_change import Section, follow, with_section
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
 from cable_ros.branch.tracked_equilibrium import conditions_of
@@ -264,8 +264,9 @@ class CableTracker(SearchedEquilibrium):
         first = longest * min(rod.stride, rod.first_stride)
         tolerance = ALGEBRAIC * self.tolerance
         result = continue_branch(
-            rod, self._q, self._F, path, tolerance, first, longest, fallback, rod.longest_step
-        )
+            rod, self._q, self._F, path, tolerance, first, longest, fallback, rod.longest_step,
+            FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK,
+        )  # fmt: skip
         self._rod = rod = result.rod
         # continue from where it ended, maybe on another rod
         reached = joints if result.end is End.ARRIVED else origin + result.at * (joints - origin)

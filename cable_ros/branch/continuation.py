@@ -31,6 +31,8 @@ FALLBACK_POINTS = 1e-6
 very small step."""
 FALLBACK_LYING_WORK = 75_000
 """Maximum work, iterations times unknowns, before the first kind is replaced: about 150 ms."""
+HASTY_WORK = 20_000
+"""The same if such a rod was replaced a while ago."""
 FALLBACK_WORK = 0.5
 """Maximum fraction of the budget spent on one step before the second kind is replaced."""
 SHORT = 0.02
@@ -133,7 +135,7 @@ def continue_branch(
     rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], tolerance: float,
     step: float = 0.25, longest: float = 1.0,
     fallback: Callable[[Rod, np.ndarray, np.ndarray], NodalRod | None] | None = None,
-    farthest: float = np.inf,
+    farthest: float = np.inf, lying_work: float = FALLBACK_LYING_WORK,
 ) -> Continuation:  # fmt: skip
     """Continue the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
@@ -150,6 +152,7 @@ def continue_branch(
         longest: maximum step.
         fallback: makes the replacement from (rod, q, F), or None if that fails.
         farthest: maximum displacement of clamps and obstacles in one step, L.
+        lying_work: maximum work before a rod that lies along an obstacle with friction is replaced.
     """
     at, iterations = 0.0, 0
     snaps: list[SnapThrough] = []
@@ -186,9 +189,7 @@ def continue_branch(
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
         spent = (given if rod.lies else last) - rod.work
-        smallest, most = (
-            (FALLBACK_LYING, FALLBACK_LYING_WORK) if rod.lies else (FALLBACK, FALLBACK_WORK * given)
-        )
+        smallest, most = (FALLBACK_LYING, lying_work) if rod.lies else (FALLBACK, FALLBACK_WORK * given)
         if code == warm_step.TOO_FAR and not rod.lies:
             smallest = FALLBACK_POINTS
         hard = step * 0.5 < smallest * longest or spent > most

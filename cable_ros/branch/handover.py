@@ -42,11 +42,15 @@ LEVEL = 0.1
 """Maximum gap of a contact on the grid, in spacings squared per length: the grid resolves no less."""
 PATCH = 4
 """Maximum number of points of a short patch on the grid."""
-MOVED, MOVED_PATCH = 5e-4, 2e-4
-"""Maximum motion, L, of contact points as friction is handed over to them from the grid: of points and short
-patches, and along longer ones, where it may stick in another place then."""
-HELD_SOLVES = 2
-"""Number of solves with friction held constant: the first may change the contacts."""
+MOVED, MOVED_PATCH = 1e-3, 3e-4
+"""Maximum motion along the surface, L, of contact points as friction is handed over to them from the grid: of
+points and short patches, and along longer ones, where it may stick in another place then."""
+FINE = 0.02
+"""Estimated error of a grid that stays while a longer patch sticks."""
+PRESLIDING = 0.003
+"""Presliding, L, in solves that start from the grid's friction: more than contacts move between both."""
+SOLVES = 2
+"""Their number: the first may change the contacts."""
 TRIES = 3
 """Number of initial shapes that a search relaxes on a grid."""
 GRID = np.linspace(0.0, 1.0, 33)
@@ -94,15 +98,14 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
 
 
 def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
-    """As `exact`. Friction is held constant until the shape is accurate; then it obeys its law again.
+    """As `exact`. What sticks yields a little, so that friction stays that of the grid.
 
-    None where anything sticks along a longer patch: friction that is held, not what sticks, would let the
-    cable drift there.
+    None where a longer patch sticks on a grid that is fine enough: mostly the next step needs it again.
     """
     assert rod.obstacles is not None
-    sticks = (rod.state.lam > 0.0) & ~rod.sliding()
     short = _longest_patch(rod.lies_on(LEVEL)) <= PATCH
-    if sticks.any() and not short:
+    sticks = (rod.state.lam > 0.0) & ~rod.sliding()
+    if sticks.any() and not short and rod.relative_error(rod.state.q, rod.end_force) < FINE:
         return None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
@@ -110,12 +113,16 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     new, q = _started(rod, mesh, tolerance, given)
     q, F = _give_contacts(new, q, rod), rod.end_force
     friction = Friction.of(rod)
-    for model in (*(FRICTIONLESS,) * HELD_SOLVES, COULOMB):
+    new.model = COULOMB
+    new.presliding = PRESLIDING
+    for _ in range(SOLVES):
+        q = _shape(rod, new.mesh)  # as far as the last solve led, its friction was wrong
         friction.give(new)
-        new.model, new.ready = model, False
+        new.ready = False
         code, _, q, F = new.correct(q, F, SETTLE.step_tolerance)
         if code != warm_step.ADVANCED:
             break
+    new.presliding, new.ready = 0.0, False
     rod.work -= given - new.work
     if code != warm_step.ADVANCED:
         return None
@@ -130,9 +137,14 @@ def _started(rod: NodalRod, mesh: Mesh, tolerance: float, work: float) -> tuple[
     new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
     new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     new.work = work
+    return new, _shape(rod, mesh)
+
+
+def _shape(rod: NodalRod, mesh: Mesh) -> np.ndarray:
+    """(n, 4) the shape of the grid's cable on another mesh."""
     q = rod.mesh.interpolate(rod.state.q, mesh.nodes)
     q[0], q[-1] = rod.state.q[0], rod.state.q[-1]
-    return new, q
+    return q
 
 
 def _longest_patch(lies: np.ndarray) -> int:
@@ -152,7 +164,9 @@ def _displacement(rod: NodalRod, found: Found) -> float:
     at, boundaries = new.points[: new.count, ARC_LENGTH].copy(), np.append(rod.s0, 1.0)
     there = np.column_stack([np.interp(at, boundaries, rod.state.r[:, a]) for a in range(3)])
     here = positions(new.c, new.h, new.s0, at)
-    return float(np.linalg.norm(here - there, axis=1).max(initial=0.0))
+    away, normals = here - there, new.normals[: new.count]
+    away -= np.einsum("ca,ca->c", away, normals)[:, None] * normals
+    return float(np.linalg.norm(away, axis=1).max(initial=0.0))
 
 
 def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndarray, np.ndarray, int] | None:

@@ -24,6 +24,7 @@ from cable_ros.branch.extremes import Obstacles, extremes
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.nodal_contacts import MOST
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
 from cable_ros.effects.choice import Choice
@@ -153,6 +154,7 @@ class TrackedEquilibrium(CableModel):
         if isinstance(self._rod, NodalRod):
             self._estimate = self._rod.relative_error(self._q, self._F)
             self._exactly(self._rod, status)
+            self._finer()
         else:
             self._off_grid.shorten()
         rod = self._rod
@@ -260,7 +262,7 @@ class TrackedEquilibrium(CableModel):
         rubs = self._model == COULOMB and rod.touches
         if rubs and (status is Status.UNFINISHED or self._passing):
             return
-        if rubs and self._off_grid.waits:
+        if rubs and self._off_grid.waits and self._estimate <= self._limit:
             self._off_grid.skip()
             return
         found = handover.exact(rod, self.tolerance, self._model)
@@ -278,6 +280,16 @@ class TrackedEquilibrium(CableModel):
             self._grid_history = GridHistory(max(error, earlier))
         self._take(found, self._joints)
         self._estimate = np.inf
+
+    def _finer(self) -> None:
+        """Take a finer grid where the error of this one is too large, if there is one."""
+        rod = self._rod
+        if not isinstance(rod, NodalRod) or self._estimate <= self._limit or rod.cells >= MOST:
+            return
+        finer = rod.finer()
+        if finer is not None:
+            self._rod, self._q, self._F = finer, finer.shape, finer.end_force
+            self._estimate = finer.relative_error(self._q, self._F)
 
     @property
     def _limit(self) -> float:

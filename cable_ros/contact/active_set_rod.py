@@ -180,7 +180,8 @@ class ActiveSetRod(FixedSetRod):
         try:
             last = q, F, self.f, self.obstacles, self.count, self.rows, self.ready, self.settled is q
             factors = self.A, self.L, self.pivots, Y, S
-            options = self.model, self.direction, self.samples, self.depth, self.give, self.finest()
+            friction = self.model, self.direction, self.presliding
+            options = *friction, self.samples, self.depth, self.give, self.finest()
             code, iterations, self.count, self.rows, moved, turned = active_set_newton(
                 last, (qe, re, f), obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
                 options, (tolerance, limit, self.rotation, self.refactor_at), (q_new, F_new),

@@ -17,10 +17,10 @@ from cable_ros.contact.friction_kernels import (
     ACROSS,
     DIRECTION,
     FRICTIONLESS,
-    STICK,
     STIFFNESS,
     TANGENT,
     carry,
+    stick_stiffness,
     update_friction,
 )
 from cable_ros.contact.interfaces import gap_at
@@ -183,9 +183,10 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
             carry(history.obstacles[o], obstacle, before, turned)
             for a in range(3):
                 before[a] = at.r[a] - before[a]
+            stiffness = stick_stiffness(mu * points[i, FORCE], history.presliding)
             flips += update_friction(points, i, at, mu, history, before, turned, initial, terms.tangents[i])
             for a in range(3):
-                terms.misfits[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / STICK
+                terms.misfits[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / stiffness
     return flips
 
 

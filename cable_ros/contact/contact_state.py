@@ -61,6 +61,8 @@ class History(NamedTuple):
     """FRICTIONLESS, COULOMB or SLIDING, see `friction_kernels`."""
     direction: np.ndarray
     """(3,) direction in which the end goes, times the mobilised fraction of the friction; for SLIDING."""
+    presliding: float
+    """See `friction_kernels.stick_stiffness`."""
     c: np.ndarray
     """(m, g + 1, 3) the centreline of the last equilibrium."""
     h: np.ndarray
@@ -99,6 +101,8 @@ class Options(NamedTuple):
     """FRICTIONLESS, COULOMB or SLIDING, see `friction_kernels`."""
     direction: np.ndarray
     """(3,) see `History.direction`."""
+    presliding: float
+    """See `friction_kernels.stick_stiffness`."""
     samples: np.ndarray
     """(k,) equally spaced arc lengths at which contact is looked for."""
     depth: float

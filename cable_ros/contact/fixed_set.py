@@ -88,7 +88,7 @@ class FixedSetRod(Rod):
         self.patience = 0
         self._remeshing = Backoff(LONGEST_STAY)
         self.seen: list[np.ndarray] | None = None  # states that a search with several starts has found
-        self.direction = np.zeros(3)  # see `contact_state.History`
+        self.direction, self.presliding = np.zeros(3), 0.0  # see `contact_state.History`
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
         self.friction_then = 0.0  # `_patch_friction` when `friction_error` was last computed
@@ -226,7 +226,7 @@ class FixedSetRod(Rod):
 
     def assemble(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
         """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
-        history = model, self.direction, self.c, self.h, self.s0, self.obstacles
+        history = model, self.direction, self.presliding, self.c, self.h, self.s0, self.obstacles
         return int(assemble_kkt(
             self.shape(q), (F, self.f), self.section, self.obstacles, history, self.contacts, self.count,
             self.kkt(self._factors(self.complement)),

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.distance import AXES, CENTRE
 from cable_ros.contact.points import FORCE, FRICTION, SLIPS
 
@@ -23,6 +23,17 @@ FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
 """Models: none; with a history; as (53) of Liu et al. (2018), against the motion of the end."""
 STICK = 1e8
 """Stiffness of stick, EI / L^3: what sticks moves by 1e-8 L per unit of force."""
+
+
+@njit(**LEAF)
+def stick_stiffness(cone, presliding):
+    """Stiffness of stick, EI / L^3: STICK at most.
+
+    Args:
+        cone: largest possible friction, EI / L^2.
+        presliding: the motion that changes friction by that, L; 0: as little as STICK allows.
+    """
+    return cone / presliding if 0.0 < cone < presliding * STICK else STICK
 
 
 @njit(**INNER)
@@ -64,11 +75,12 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
         for a in range(3):
             points[i, FRICTION + a] = 0.0
         return False
+    stiffness = stick_stiffness(cone, history.presliding)
     force, trial = np.empty(3), np.empty(3)
     off, normal = 0.0, 0.0
     for a in range(3):
         force[a] = turned[a] if initial else points[i, FRICTION + a]
-        trial[a] = turned[a] - STICK * step[a]
+        trial[a] = turned[a] - stiffness * step[a]
         off += force[a] * n[a]
         normal += trial[a] * n[a]
     norm, size, along = 0.0, 0.0, 0.0
@@ -91,7 +103,7 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
         size = norm
     if points[i, SLIPS] == 0.0 or size == 0.0:
         points[i, SLIPS] = 0.0
-        limit[STIFFNESS] = STICK
+        limit[STIFFNESS] = stiffness
         for a in range(3):
             points[i, FRICTION + a] = force[a]
         return slips
@@ -102,7 +114,7 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
     limit[ACROSS] = n[1] * d2 - n[2] * d1
     limit[ACROSS + 1] = n[2] * d0 - n[0] * d2
     limit[ACROSS + 2] = n[0] * d1 - n[1] * d0
-    limit[STIFFNESS] = STICK * cone / size
+    limit[STIFFNESS] = stiffness * cone / size
     return not slips
 
 

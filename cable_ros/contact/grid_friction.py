@@ -14,6 +14,9 @@ from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE, SLIP
 REACH = 1.5
 """Half width, cells, of the hat function that averages the grid's friction at a contact point."""
 
+BEYOND = 1.1
+"""Friction given to what slides, over that of the grid: no less than the cone as normal forces change."""
+
 
 class Friction(NamedTuple):
     """Friction on c points of a grid."""
@@ -47,8 +50,30 @@ class Friction(NamedTuple):
         for point in rod.points[: rod.count]:
             away = np.abs(self.arc_lengths - point[ARC_LENGTH]) / self.cell
             away[self.obstacles != int(point[OBSTACLE])] = np.inf
-            near = np.maximum(1.0 - away / max(REACH, float(away.min(initial=np.inf)) + 1.0), 0.0)
+            if not np.isfinite(away).any():
+                continue
+            near = np.maximum(1.0 - away / max(REACH, float(away.min()) + 1.0), 0.0)
             pressed = float(near @ self.normal)
             if pressed > 0.0:
                 point[FRICTION : FRICTION + 3] = max(point[FORCE], 0.0) * (near @ self.forces) / pressed
                 point[SLIPS] = float(self.sliding[away.argmin()])
+        for obstacle in np.unique(self.obstacles):
+            self._conserve(rod.points[: rod.count], obstacle)
+
+    def _conserve(self, points: np.ndarray, obstacle: int) -> None:
+        """Change the friction of the `points` (k, COLUMNS) on an obstacle, so that the total is the grid's.
+
+        That of what sticks. What slides keeps sliding: its friction is beyond the cone, to which it returns.
+        """
+        mine, theirs = points[:, OBSTACLE] == obstacle, self.obstacles == obstacle
+        friction, pressed = points[:, FRICTION : FRICTION + 3], np.maximum(points[:, FORCE], 0.0) * mine
+        total = float(pressed.sum())
+        if total == 0.0:
+            return
+        slides = points[:, SLIPS] == 1.0
+        friction[mine] *= min(1.0, float(self.normal[theirs].sum()) / total)
+        missing = self.forces[theirs].sum(axis=0) - friction[mine].sum(axis=0)
+        held = float(pressed[~slides].sum())
+        if held > 0.0:
+            friction[~slides] += pressed[~slides, None] / held * missing
+        friction[mine & slides] *= BEYOND * max(1.0, total / float(self.normal[theirs].sum()))

@@ -94,7 +94,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors = kkt
     V, lines, totals = rows.V, rows.lines, evaluation.totals
-    model, _, samples, depth, give, finest = options
+    model, _, _, samples, depth, give, finest = options
     tolerance, limit, rotation, refactor_at = control
     N, primitives = tables.values, tables.primitives
     order = N.shape[1] - 1
@@ -110,7 +110,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     c = np.empty((elements, N.shape[0] + 1, 3))
     old_c = np.empty_like(c)
     curve(q, h, N, primitives, old_c)
-    history = History(model, options.direction, old_c, h.copy(), s0.copy(), last.obstacles)
+    history = History(
+        model, options.direction, options.presliding, old_c, h.copy(), s0.copy(), last.obstacles
+    )
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
         for a in range(3):

@@ -29,6 +29,8 @@ TWIN = 0.75
 """Number of points of the twin, which serves to estimate the error, over this rod's."""
 STEP = 0.5 * FRICTION_STEP
 """Longest step, lengths."""
+FINER = 1.6
+"""Number of points of a finer grid over this rod's."""
 SAG = 100.0
 """Relative error per depth, L, of the cable inside an obstacle between two contact points."""
 FADING = 0.95
@@ -231,6 +233,20 @@ class NodalRod(NodalSolver):
         self.twin = twin if found else None
         if found:
             self._compare(twin)
+
+    def finer(self) -> NodalRod | None:
+        """This equilibrium with its friction on a finer grid; None if that fails.
+
+        The error that friction has from this grid stays; that of where contacts are does not.
+        """
+        new = NodalRod(self.K, self.natural, self._under, int(FINER * self.cells), self.coulomb)
+        new.work, new.tried = self.work, self.tried
+        arc_lengths, _, _, forces, obstacles, _, _ = self.contacts()
+        new.twin_error = self.twin_error
+        if not new.adopt(self, self.state.q, self.state.F[-1], arc_lengths, forces, obstacles):
+            return None
+        new._estimate = max(new._estimate, new.twin_error)
+        return new
 
     def variant(
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
