@@ -54,7 +54,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
         `loss_cause`: how the branch was lost, a clause; empty: it was not.
         """
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
-        chord = float(np.linalg.norm(conditions.re))
+        chord = self._chord(conditions)
         if not chord < self._reach:
             length = self._units.length
             message = (
@@ -70,7 +70,13 @@ class SearchedEquilibrium(TrackedEquilibrium):
         if obstruction := self._obstruction(conditions):
             return self.failed(Status.OUT_OF_REACH, obstruction, time.perf_counter() - begin)
         sought = Sought(
-            self._stiffness, self._natural, conditions, target_twist, self.tolerance, self._compliance
+            self._stiffness,
+            self._natural,
+            conditions,
+            target_twist,
+            self.tolerance,
+            self._compliance,
+            self._ends,
         )
         return self._search(Pending(Search(sought), joints, poses, loss_cause), begin)
 
@@ -122,7 +128,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
         self._standing, self._pending, self._memory = Standing(), None, None
-        if not np.linalg.norm(conditions.re) < self._reach:
+        if not self._chord(conditions) < self._reach:
             return out
         found: list[Found] = []
         for turns in (-1, 0, 1):
@@ -135,6 +141,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
                 self.tolerance,
                 True,
                 self._compliance,
+                self._ends,
             ):
                 fine, estimate = refine(one, self.tolerance)
                 if estimate <= self.tolerance and not any(same(fine, other) for other in found):
