@@ -11,7 +11,7 @@ from cable_ros.rod import quaternion
 from cable_ros.rod.ends import HELD, SWIVEL, TURNING, ZERO, End, Ends
 from cable_ros.rod.initial_shapes import closing_turn, spin, starts, tangents, transport, unloaded
 from cable_ros.rod.units import Units
-from cable_ros.scene.model import CLAMPED, FREE, PINNED, SLIDING, Mount
+from cable_ros.scene.model import CLAMPED, FREE, PINNED, Mount
 
 REACHES = (0.9, 0.5, 0.1)
 """Distances of the ends, as fractions of the length, at which a cable that slides begins."""
@@ -30,7 +30,7 @@ def ends_of(start: Mount, end: Mount, units: Units) -> Ends | None:
 def _end(mount: Mount, units: Units) -> End:
     turns = TURNING if mount.turns or mount.kind in (PINNED, FREE) else HELD
     turns = SWIVEL if mount.kind == "swivel" else turns
-    axis = mount.axis if mount.kind == SLIDING else None
+    axis = None if mount.axis is None else mount.axis.copy()  # a writable one: compiled code is of one kind
     moment = mount.moment / units.moment if mount.moment.any() else ZERO
     return End(turns, mount.kind != FREE, axis, mount.force / units.force, moment)
 

@@ -93,7 +93,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, seconds)
         found = search.found
         if found is None:
-            return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
+            return self.failed(Status.NOT_CONVERGED, self._nothing_found, seconds)
         if pending.loss_cause:
             waiting, target_twist = self._standing.waiting, search.sought.target_twist
             twist = (
@@ -104,6 +104,16 @@ class SearchedEquilibrium(TrackedEquilibrium):
         self._memory = None
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
+
+    @property
+    def _nothing_found(self) -> str:
+        """The message of a search without result."""
+        if self._ends is None or not self._ends.given_moments(IDENTITY).any():
+            return Status.NOT_CONVERGED.sentence
+        return (
+            "No equilibrium was found that is stable for certain: the moment on its free end keeps its "
+            "direction, and beyond about 2 EI / L nothing tells whether the cable is stable; make it smaller."
+        )
 
     def _resume(self, joints: np.ndarray, begin: float) -> Equilibrium | None:
         """Continue the pending search; None if the cable can be tracked from its result to `joints`."""

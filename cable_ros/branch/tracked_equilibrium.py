@@ -338,6 +338,11 @@ class TrackedEquilibrium(CableModel):
         """(n, 4) its nodal frames."""
         return self._q
 
+    @property
+    def end_force(self) -> np.ndarray:
+        """(3,) end force of the present equilibrium, EI / L^2, along the start mount's axes."""
+        return self._F
+
     def wrenches(self, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
         """(6,), (6,): wrenches of the cable on its end and start clamps, SI, in the clamps' frames."""
         return results.wrenches(rod, self._q, self._F, self._units)

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from cable_ros.scene.cable_limits import CABLE_LIMITS, read_limits
-from cable_ros.scene.ends import MOUNT, check_ends, read_mount
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.fields import MILLIMETRES, Field, Size, vector
 from cable_ros.scene.influences import CELSIUS, DOSE, GRAY, TEMPERATURE, read_influence, row
 from cable_ros.scene.model import FREE, Cable
+from cable_ros.scene.mounts import MOUNT, check_ends, read_mount
 from cable_ros.scene.section import Section
 
 LENGTH = Size("m", 0.01, 100.0, too_high=MILLIMETRES)
