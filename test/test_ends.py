@@ -444,6 +444,19 @@ def test_the_load_of_a_free_end_is_not_the_joints():
     assert np.abs(here.points - there.points).max() > 1e-3, "its force turns with the link"
 
 
+def test_effects_are_chosen_by_a_wrench_that_they_change():
+    """The wrench of a free end is given whatever the cable is made of: the other one tells."""
+    scene = mapping(ALONG_X, {"kind": "free"}, weight=1.0) | {"effects": "auto"}
+    tracker = Tracker(scene)
+    assert tracker.solve({})["c"].start_wrench[0] == pytest.approx(1.0)
+    assert "weight" not in tracker.left_out["c"]
+    light = Tracker(
+        mapping(ALONG_X, {"kind": "free", "force": [0, 0, -5]}, weight=1e-6) | {"effects": "auto"}
+    )
+    light.solve({})
+    assert light.left_out["c"] == ("weight",)
+
+
 def test_the_example_of_the_page_is_as_it_says():
     page = Path(__file__).parents[1] / "docs" / "ends.md"
     (example,) = [block.text for block in blocks(page) if block.language == "yaml"]

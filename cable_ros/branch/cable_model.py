@@ -18,6 +18,7 @@ from cable_ros.effects.effect import Properties
 from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.units import Units, relative, relative_change
 from cable_ros.scene import Cable, Kinematics
+from cable_ros.scene.model import FREE
 
 CLAMP_DEPTH = 1e-6
 """Maximum depth of a clamp inside an obstacle, L: rounding of poses."""
@@ -110,6 +111,10 @@ class CableModel:
         """Relative difference of two end wrenches (6,), SI: the larger of the force's and the moment's."""
         unit = np.repeat([self._units.force, self._units.moment], 3)
         return relative_change((found - expected) / unit, expected / unit, Rod.least)
+
+    def telling_wrench(self, end: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """The wrench (6,) that shows what changes: at the end or, if that one is free, at the start."""
+        return start if self._mounts[1].kind == FREE else end
 
     def size(self, wrench: np.ndarray) -> float:
         """Magnitude of a wrench (6,), SI, in units of the cable."""
