@@ -15,6 +15,7 @@ from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.joint import joint_torques
 from cable_ros.limits import QUANTITIES
 from cable_ros.scene import Kinematics, Scene
+from cable_ros.scene.model import FREE
 from cable_ros.tracker import Tracker
 
 CHUNK = 64
@@ -133,7 +134,10 @@ def joined(before: Done | None, chunk: Chunk, done: Done, solve: Callable[[Chunk
 def _agree(job: Job, arrival: Batch, batch: Batch) -> bool:
     """Whether the first pose of `batch` is on the branches on which the path arrives there."""
     per_length = np.array([[1.0] * 3 + [1.0 / cable.length] * 3 for cable in job.scene.cables])
-    ours, theirs = arrival.end_wrench[0] * per_length, batch.end_wrench[0] * per_length
+    free = np.array([[cable.end.kind == FREE] for cable in job.scene.cables])  # whose wrench is given
+    ours, theirs = (
+        np.where(free, one.start_wrench[0], one.end_wrench[0]) * per_length for one in (arrival, batch)
+    )
     size = np.linalg.norm(ours, axis=1) + np.linalg.norm(theirs, axis=1)
     far = np.linalg.norm(ours - theirs, axis=1) > max(_SAME_WRENCH, job.tolerance) * size
     turned = np.abs(arrival.total_twist[0] - batch.total_twist[0]) > _SAME_TWIST

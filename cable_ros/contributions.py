@@ -15,6 +15,7 @@ from cable_ros.effects.registry import ALL, called_for, wanted
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.rod.units import Units, relative_change
 from cable_ros.scene import Cable, Scene
+from cable_ros.scene.model import FREE
 from cable_ros.tracker import Tracker
 
 FINER, FINEST = 0.1, 1e-9
@@ -180,7 +181,8 @@ def _explained(
         why = f"left out by 'effects: auto' as below a tenth of the tolerance; {why}"
     elif name == "contact":
         why += _touching(base)
-    size = effect.size(scene, cable, {}, float(np.linalg.norm(base.end_wrench[:3])))
+    wrench = "start_wrench" if cable.end.kind == FREE else "end_wrench"
+    size = effect.size(scene, cable, {}, float(np.linalg.norm(getattr(base, wrench)[:3])))
     if name not in found:
         return Explained(name, name in present, why, effect.SIZE, size, None, None)
     with_it, without = found[""][cable.name], found[name][cable.name]
@@ -192,7 +194,9 @@ def _explained(
         units = Units(cable.length, float(np.sqrt(cable.stiffness[0] * cable.stiffness[1])))
         unit = np.repeat([units.force, units.moment], 3)
         change = relative_change(
-            (without.end_wrench - with_it.end_wrench) / unit, with_it.end_wrench / unit, 1e-6
+            (getattr(without, wrench) - getattr(with_it, wrench)) / unit,
+            getattr(with_it, wrench) / unit,
+            1e-6,
         )
     cost = float(np.median(np.subtract(slower, faster))) if len(slower) else None
     return Explained(name, name in present, why, effect.SIZE, size, change, cost)

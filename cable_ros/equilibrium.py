@@ -163,7 +163,8 @@ class Equilibrium:
     relative to the elastic stiffness; 0 at a fold."""
     end_wrench: np.ndarray
     """(6,) force [N] then moment [N m] about the clamp point that the cable exerts on the body at
-    the end clamp, in the end clamp's frame."""
+    the end clamp, in the end clamp's frame. Of a pinned or sliding end about the origin and along the axes of
+    its mount; of a free one the negative of its load, about the cable's end, along the axes of the load."""
     start_wrench: np.ndarray
     """(6,) the same at the start clamp, in the start clamp's frame."""
     points: np.ndarray
@@ -184,6 +185,7 @@ class Equilibrium:
     equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
     _tangent: Linearised | None = field(default=None, repr=False, compare=False)
     _touching: Callable[[], ContactTable] | None = field(default=None, repr=False, compare=False)
+    _mounts: np.ndarray | None = field(default=None, repr=False, compare=False)
     _extremes: Callable[[], tuple[Extreme, ...]] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
@@ -204,6 +206,11 @@ class Equilibrium:
     def overlapping(self) -> bool:
         """Whether it meets itself, another cable or a link of the robot; see `overlaps`."""
         return bool(self.overlaps)
+
+    @property
+    def wrench_axes(self) -> np.ndarray:
+        """(2, 4) axes of `start_wrench` and of `end_wrench`, quaternions x y z w, world."""
+        return self.orientations[[0, -1]] if self._mounts is None else self._mounts
 
     @cached_property
     def _contact_table(self) -> ContactTable | None:

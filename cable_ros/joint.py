@@ -16,6 +16,7 @@ import numpy as np
 
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.rod.quaternion import matrices_from_ros
+from cable_ros.scene.model import FREE
 from cable_ros.tracker import Tracker
 
 
@@ -38,8 +39,9 @@ def joint_load(
         equilibria: what `tracker.solve(joints)` returned.
         joints: the joint values of that solve.
 
-    Both clamps count, each with force and moment, and the contact forces, friction included, on obstacles
-    that a link carries: tau = sum J^T W over these bodies, J the Jacobian of each.
+    Both ends count, each with force and moment, but for free ones, whose load comes from elsewhere, and the
+    contact forces, friction included, on obstacles that a link carries: tau = sum J^T W over these bodies, J
+    the Jacobian of each.
 
     The derivative takes in how the wrenches answer as clamps and obstacles move while the weight keeps its
     direction (`Equilibrium.wrench_response`, which says what it does with friction), and the motion of the
@@ -104,6 +106,7 @@ def joint_torques(
         return np.array([joint_torque(tracker, row, dict(zip(names, q, strict=True))) for row, q in pairs])
     cables = [cable.name for cable in tracker.scene.cables]
     wrenches = np.array([[(row[c].start_wrench, row[c].end_wrench) for c in cables] for row in rows])
+    wrenches[:, _free_ends(tracker)] = 0.0
     orientations = np.array([kinematics.poses(q)[..., 3:] for q in poses]).reshape(-1, 4)
     to_world = matrices_from_ros(orientations).reshape(*wrenches.shape[:3], 3, 3)
     velocities = np.array([kinematics.jacobians(q) for q in poses])
@@ -247,11 +250,18 @@ def _wrenches_and_jacobians(
     """Wrenches of both clamps (cables, 12), and velocities per joint rate (cables, 12, n), clamp frames."""
     q = np.array([joints[name] for name in tracker.joint_names], dtype=float)
     found = [equilibria[cable.name] for cable in tracker.scene.cables]
-    wrenches = np.array([np.concatenate([one.start_wrench, one.end_wrench]) for one in found])
+    wrenches = np.array([(one.start_wrench, one.end_wrench) for one in found])
+    wrenches[_free_ends(tracker)] = 0.0
+    wrenches = wrenches.reshape(len(found), 12)
     orientations = np.ascontiguousarray(tracker.kinematics.poses(q)[..., 3:]).reshape(-1, 4)
     to_clamp = matrices_from_ros(orientations).transpose(0, 2, 1).reshape(len(found), 2, 1, 3, 3)
     velocities = tracker.kinematics.jacobians(q).reshape(len(found), 2, 2, 3, len(q))
     return wrenches, (to_clamp @ velocities).reshape(len(found), 12, len(q))
+
+
+def _free_ends(tracker: Tracker) -> np.ndarray:
+    """(cables, 2) whether the start and the end are free: no link feels their load."""
+    return np.array([[mount.kind == FREE for mount in cable.mounts] for cable in tracker.scene.cables])
 
 
 def _pressed_obstacles(

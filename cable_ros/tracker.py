@@ -237,7 +237,7 @@ class Tracker:
         if limits is None or not equilibrium.status.trusted:
             return
         links = self.kinematics.obstacle_poses(joints)
-        extremes = tracked.extremes(limits, self._beside[index], links, poses[0])
+        extremes = tracked.extremes(limits, self._beside[index], links, tracked.origin(poses))
         found[tracked.name] = dataclasses.replace(equilibrium, _extremes=extremes)
 
     def arrive(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
@@ -265,7 +265,7 @@ class Tracker:
         def outline(index: int) -> np.ndarray:
             tracked = self._tracked_cables[index]
             points = found[tracked.name].points
-            return points if len(points) >= OUTLINE else tracked.outline(poses[index, 0])
+            return points if len(points) >= OUTLINE else tracked.outline(tracked.origin(poses[index]))
 
         return outline
 

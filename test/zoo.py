@@ -18,6 +18,7 @@ from references import planar, spatial
 from scipy.spatial.transform import Rotation
 from zoo_contact import CONTACT
 from zoo_drawn import DRAWN
+from zoo_ends import ENDS
 from zoo_hose import PASSING
 from zoo_make import ARM, SKEW, arm, cable, exact, led, solved, turned, without_target_twist
 
@@ -425,6 +426,7 @@ CASES: tuple[Case, ...] = (
     *scales(),
     *buckling(),
     *folds(),
+    *ENDS,
     *joint_motion(),
     *CONTACT,
     *PASSING,

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cable_ros.bench.contact_checks import Surface, contact_fault, pull_fault, surfaces, touches
+from cable_ros.bench.end_checks import clamped, judge_ends
 from cable_ros.bench.verification import Rod, Verification, verify
 from cable_ros.bench.way import Way, shortest
 from cable_ros.equilibrium import Equilibrium, Status
@@ -216,14 +217,17 @@ def solve_step(
     answers, seconds = answered(tracker, joints)
     usable = all(math.isfinite(joints.get(name, math.nan)) for name in kinematics.joint_names)
     at = dict(joints) if usable else dict.fromkeys(kinematics.joint_names, 0.0)
-    radii = {cable.name: cable.radius for cable in scene.cables}
+    cables = {cable.name: cable for cable in scene.cables}
     steps = []
     for name, rod in rods(scene, kinematics, at).items():
         way = None
         if usable:
             resolved = _resolved(name, rod, answers[name], tracker, joints)
-            met = surfaces(scene, kinematics, joint_values(kinematics, joints), radii[name])
-            verification, fault = judge(rod, resolved, tracker.tolerance, met)
+            met = surfaces(scene, kinematics, joint_values(kinematics, joints), cables[name].radius)
+            if clamped(cables[name]):
+                verification, fault = judge(rod, resolved, tracker.tolerance, met)
+            else:
+                verification, fault = judge_ends(cables[name], rod, resolved, tracker.tolerance)
             if met and answers[name].status in (Status.OUT_OF_REACH, Status.NOT_CONVERGED):
                 distances = {which: surface.signed for which, surface in met.items()}
                 way = shortest(rod.start[:3], rod.end[:3], rod.length, distances)

@@ -11,6 +11,7 @@ from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.continuation import SnapThrough
 from cable_ros.contact.distance import POSE
 from cable_ros.equilibrium import Status
+from cable_ros.rod.ends import Ends
 
 SEARCH_INTERVAL = 0.1
 """Minimum motion of the clamps, L or rad, between two searches for other equilibria."""
@@ -161,21 +162,22 @@ def relative_motion(a: Conditions, b: Conditions) -> float:
 
 
 def is_unique(
-    here: Found, stiffness: np.ndarray, natural: np.ndarray, compliance: np.ndarray | None, tolerance: float
-) -> bool:
+    here: Found, stiffness: np.ndarray, natural: np.ndarray, compliance: np.ndarray | None, tolerance: float,
+    ends: Ends | None = None,
+) -> bool:  # fmt: skip
     """Whether a search finds no other equilibrium without contact within half a turn of twist.
 
     The equilibria of a cable without contact differ by about whole turns of twist, and a cold start takes the
     nearest to the last one; or they are mirror images and the like, of which nothing decides. Obstacles
     outside the scene are not known here, either.
     """
-    rod, moment = here.rod, here.rod.g[-1].copy()
+    rod, moment = here.rod, here.rod.reactions().copy()
     size = float(np.linalg.norm(moment))
     free = Conditions(rod.qe, rod.re, rod.f)
-    for other in equilibria(stiffness, natural, free, here.twist, tolerance, True, compliance):
+    for other in equilibria(stiffness, natural, free, here.twist, tolerance, True, compliance, ends):
         if abs(other.twist - here.twist) >= np.pi:
             continue
-        turned = float(np.linalg.norm(other.rod.g[-1] - moment)) > ALIKE * (1.0 + size)
+        turned = float(np.linalg.norm(other.rod.reactions() - moment)) > ALIKE * (1.0 + size)
         if turned or abs(other.energy - here.energy) > ALIKE * (1.0 + abs(here.energy)):
             return False
     return True

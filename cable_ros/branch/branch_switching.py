@@ -30,13 +30,11 @@ def switch_branch(
         return None
     kept, mesh, before = rod.state(), rod.mesh, (rod.qe, rod.re, rod.f, rod.obstacles)
     mode = mode if mode @ rod.start_vector() >= 0.0 else -mode
-    end = conditions.qe if q[-1] @ conditions.qe > 0.0 else -conditions.qe
     unstable = False  # whether that has been shown of the branch
     for amplitude in (0.0, *AMPLITUDES):
-        start = rod.retract(q, amplitude * mode)
-        start[-1] = end
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
         rod.ready = False
+        start = rod.on_end(rod.retract(q, amplitude * mode))
         code, iterations, q_new, F_new = rod.correct(start, F, TOLERANCE)
         if code == warm_step.ADVANCED and unstable and rod.refactor(q_new, F_new):
             return Found.at(rod, q_new, F_new, iterations)

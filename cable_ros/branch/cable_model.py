@@ -10,6 +10,7 @@ import numpy as np
 from cable_ros.branch.cold_start import (
     Conditions,
 )
+from cable_ros.branch.held_ends import ends_of
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, nearest, placed
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.shortest_path import too_short
@@ -17,6 +18,7 @@ from cable_ros.effects.effect import Properties
 from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.units import Units, relative, relative_change
 from cable_ros.scene import Cable, Kinematics
+from cable_ros.scene.model import FREE
 
 CLAMP_DEPTH = 1e-6
 """Maximum depth of a clamp inside an obstacle, L: rounding of poses."""
@@ -34,6 +36,7 @@ class CableModel:
         self._names = obstacle_names
         self._diameter = 2.0 * cable.radius
         self._density = cable.linear_density
+        self._mounts = cable.mounts
         self._use(properties)
 
     def _use(self, properties: Properties) -> None:
@@ -42,6 +45,7 @@ class CableModel:
         self._stiffness = properties.stiffness / self._units.stiffness
         self._natural = np.zeros(3) if properties.natural is None else properties.natural * properties.length
         self._weight = properties.weight
+        self._ends = ends_of(*self._mounts, self._units)
         compliance = properties.compliance
         self._compliance = None if compliance is None else compliance * self._units.force
         self._obstacles = properties.obstacles
@@ -66,6 +70,12 @@ class CableModel:
         if self._obstacles is None:
             return None
         return placed(self._obstacles, kinematics.obstacle_poses(joints), poses[0], self._units.length)
+
+    def _chord(self, conditions: Conditions) -> float:
+        """Least distance of the cable's ends, L."""
+        if self._ends is not None:
+            return self._ends.chord(conditions.qe, conditions.re)
+        return float(np.linalg.norm(conditions.re))
 
     def _obstruction(self, conditions: Conditions) -> str:
         """Why no cable of this length can be between the clamps, a sentence; empty if one can."""
@@ -101,6 +111,10 @@ class CableModel:
         """Relative difference of two end wrenches (6,), SI: the larger of the force's and the moment's."""
         unit = np.repeat([self._units.force, self._units.moment], 3)
         return relative_change((found - expected) / unit, expected / unit, Rod.least)
+
+    def telling_wrench(self, end: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """The wrench (6,) that shows what changes: at the end or, if that one is free, at the start."""
+        return start if self._mounts[1].kind == FREE else end
 
     def size(self, wrench: np.ndarray) -> float:
         """Magnitude of a wrench (6,), SI, in units of the cable."""

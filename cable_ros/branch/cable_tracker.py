@@ -190,7 +190,14 @@ class CableTracker(SearchedEquilibrium):
 
         start = free(0.0, IDENTITY)
         found = equilibria(
-            self._stiffness, self._natural, start, loss.twist, self.tolerance, False, self._compliance
+            self._stiffness,
+            self._natural,
+            start,
+            loss.twist,
+            self.tolerance,
+            False,
+            self._compliance,
+            self._ends,
         )
         if not found:
             return np.nan

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_ros.branch.held_ends import held_starts, load_moment
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.shortest_path import taut_strings
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, reference_element
+from cable_ros.rod.ends import Ends
 from cable_ros.rod.extensible import SLACK, StretchingRod
+from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.initial_shapes import along, aside, starts
 from cable_ros.rod.kirchhoff import ORDER, Rod
 from cable_ros.rod.rod_state import ENERGY, TWIST
@@ -66,6 +69,8 @@ class Sought:
     """Of the end wrench, relative."""
     compliance: np.ndarray | None = None
     """(3,) of shear and axial strain; None: inextensible and unshearable."""
+    ends: Ends | None = None
+    """How the ends are held; None: clamped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,14 +213,17 @@ class Starts:
         self._sought, self._thorough = sought, thorough
         conditions, natural = sought.conditions, sought.natural
         turns = abs(sought.target_twist or 0.0) + float(np.linalg.norm(natural))
-        self._mesh = first_mesh(conditions, turns, sought.tolerance)
+        self._mesh = first_mesh(_for_mesh(sought), turns, sought.tolerance)
         self._seen: list[np.ndarray] = []
         chord, re = float(np.linalg.norm(conditions.re)), conditions.re
         self._taut = sought.compliance is not None and chord > TAUT
         if sought.compliance is not None:
             re = re * min(1.0, SLACK / max(chord, SLACK))
         nodes, qe, f = self._mesh.nodes, conditions.qe, conditions.f
-        self._shapes = list(starts(nodes, qe, re, f, sought.target_twist, natural, self._taut))
+        if sought.ends is None:
+            self._shapes = list(starts(nodes, qe, re, f, sought.target_twist, natural, self._taut))
+        else:
+            self._shapes = list(held_starts(sought.ends, nodes, qe, re, f, sought.target_twist, natural))
         self._strings: list[np.ndarray] | None = None  # the shortest paths past the obstacles
 
     @property
@@ -249,7 +257,9 @@ class Starts:
         rod: Rod
         sought, conditions = self._sought, self._sought.conditions
         section = self._mesh, sought.stiffness, sought.natural
-        if sought.compliance is not None:
+        if sought.ends is not None:
+            rod = HeldRod(*section, sought.ends)
+        elif sought.compliance is not None:
             rod = StretchingRod(*section, sought.compliance)
         elif conditions.obstacles is None:
             rod = Rod(*section)
@@ -283,13 +293,24 @@ class Starts:
             self._shapes.clear()
 
 
+def _for_mesh(sought: Sought) -> Conditions:
+    """The conditions, where ends are held otherwise with their loads beside the weight."""
+    conditions, ends = sought.conditions, sought.ends
+    if ends is None:
+        return conditions
+    size = float(np.linalg.norm(conditions.f)) + load_moment(ends)
+    return Conditions(conditions.qe, np.zeros(3), np.array([size, 0.0, 0.0]))
+
+
 def equilibria(
     stiffness: np.ndarray, natural: np.ndarray | None, conditions: Conditions, target_twist: float | None,
     tolerance: float = 1e-4, thorough: bool = True, compliance: np.ndarray | None = None,
+    ends: Ends | None = None,
 ) -> list[Found]:  # fmt: skip
     """All equilibria that `Starts` finds, by rising energy; arguments as in `Sought` and `Starts`."""
     natural = np.zeros(3) if natural is None else natural
-    search = Starts(Sought(stiffness, natural, conditions, target_twist, tolerance, compliance), thorough)
+    sought = Sought(stiffness, natural, conditions, target_twist, tolerance, compliance, ends)
+    search = Starts(sought, thorough)
     while not search.over:
         search.descend()
     return sorted(search.found, key=lambda one: one.energy)
@@ -297,9 +318,9 @@ def equilibria(
 
 def same(a: Found, b: Found) -> bool:
     """Whether a and b are one equilibrium; mirror images share twist and energy, but not the end moment."""
-    moment = a.rod.g[-1]
+    moment = a.rod.reactions()
     return (
         abs(a.twist - b.twist) < 1e-3
         and abs(a.energy - b.energy) < 1e-5 * (1.0 + abs(a.energy))
-        and float(np.linalg.norm(moment - b.rod.g[-1])) < 1e-2 * (1.0 + float(np.linalg.norm(moment)))
+        and float(np.linalg.norm(moment - b.rod.reactions())) < 1e-2 * (1.0 + float(np.linalg.norm(moment)))
     )

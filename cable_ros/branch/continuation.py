@@ -185,7 +185,7 @@ def continue_branch(
             at, q, F, last = target, q_new, F_new, rod.work
             step = min(step * min(rod.stride, 2.0 if count <= rod.few else 1.0), longest)
             continue
-        if np.linalg.norm(conditions.re) >= 1.0 and step < BEYOND * longest:
+        if rod.chord(conditions.qe, conditions.re) >= 1.0 and step < BEYOND * longest:
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
         spent = (given if rod.lies else last) - rod.work
@@ -325,10 +325,8 @@ def snap_through(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions)
     Returns the stable equilibrium at the end; None if none was reached.
     """
     rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
-    q = q.copy()
-    q[-1] = conditions.qe if q[-1] @ conditions.qe > 0.0 else -conditions.qe
     # of two mirror images always the same one, whatever the last bit
-    q = rod.retract(q, PERTURBATION * rod.start_vector())
+    q = rod.retract(rod.on_end(q), PERTURBATION * rod.start_vector())
     return settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
 
 

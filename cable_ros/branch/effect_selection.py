@@ -47,13 +47,15 @@ def review(
     if choice is not None:
         if not choice.left_out:
             return False
-        if not _outgrown(choice, tracked.size(found.end_wrench), tracked.q):
+        if not _outgrown(
+            choice, tracked.size(tracked.telling_wrench(found.end_wrench, found.start_wrench)), tracked.q
+        ):
             return False
         full = _wrench(tracked, scene, cable, kinematics, index, ())
         if full is None:  # the continuation fails here: better measure later than lose the branch
             tracked.choice = _choice(tracked, choice.left_out, choice.change, found)
             return False
-        change = tracked.difference(found.end_wrench, full)
+        change = tracked.difference(tracked.telling_wrench(found.end_wrench, found.start_wrench), full)
         if change <= PART * tracked.tolerance:
             tracked.choice = _choice(tracked, choice.left_out, change, found)
             return False
@@ -70,7 +72,7 @@ def review(
 
 def _choice(tracked: CableTracker, left_out: tuple[str, ...], change: float, found: Equilibrium) -> Choice:
     note = f" Left out: {', '.join(left_out)} (changes the end wrench by {change:.1g})." if left_out else ""
-    size = tracked.size(found.end_wrench)
+    size = tracked.size(tracked.telling_wrench(found.end_wrench, found.start_wrench))
     return Choice(left_out, change, tracked.tolerance, size, tracked.q, note)
 
 
@@ -111,7 +113,7 @@ def _wrench(
     followed = twin.change_properties(
         properties(scene, cable, names, tracked.environment), kinematics.poses, index
     )
-    return twin.wrenches(twin.rod)[0] if followed and twin.rod is not None else None
+    return twin.telling_wrench(*twin.wrenches(twin.rod)) if followed and twin.rod is not None else None
 
 
 def _others(scene: Scene, cable: Cable, left_out: Iterable[str]) -> tuple[str, ...]:

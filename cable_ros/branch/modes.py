@@ -13,6 +13,7 @@ from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.equilibrium import Modes
 from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import quaternion
+from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
 from cable_ros.rod.vibration import Motion, dense, lowest, mass, motion, strain_stiffness
@@ -79,9 +80,25 @@ def _problem(rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Motion, np.ndarray
         H[range(n, size), range(n, size)] = strain_stiffness(rod.mesh, compliance)
     rows, stiffness = _contacts(rod, moved)
     H += stiffness
-    clamps = np.zeros((6, size))
-    clamps[range(6), [*range(3), *range(n - 3, n)]] = 1.0
-    return moved, H, np.concatenate([clamps, moved.starts[-1], rows])
+    if isinstance(rod, HeldRod):
+        moved, clamps = _held(rod, moved)
+    else:
+        clamps = np.zeros((6, size))
+        clamps[range(6), [*range(3), *range(n - 3, n)]] = 1.0
+        clamps = np.concatenate([clamps, moved.starts[-1]])
+    return moved, H, np.concatenate([clamps, rows])
+
+
+def _held(rod: HeldRod, moved: Motion) -> tuple[Motion, np.ndarray]:
+    """The kinematics in which a free or sliding start moves, and the rows of what the ends hold."""
+    held, start = np.flatnonzero(rod.free_rotations == 0.0), rod.ends.start
+    rotations = np.zeros((len(held), moved.starts.shape[2]))
+    rotations[range(len(held)), held] = 1.0
+    gap = moved.starts[-1]
+    if not start.held:
+        along = np.eye(3) - rod.projector
+        moved = moved._replace(starts=moved.starts - along @ gap)
+    return moved, np.concatenate([rotations, rod.projector @ gap])
 
 
 def _contacts(rod: Rod, moved: Motion) -> Support:

@@ -19,11 +19,14 @@ from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
 
 
-def wrenches(rod: Rod, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarray]:
+def wrenches(rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units) -> tuple[np.ndarray, np.ndarray]:
     """(6,), (6,): wrenches of the cable on its end and start clamps, N and N m, in the clamps' frames.
 
-    `rod` is at an equilibrium with the end force F (3,), in units of the cable.
+    `rod` is at an equilibrium with the nodal frames q (n, 4) and the end force F (3,), in units of the cable.
     """
+    supports = rod.supports(q, F)
+    if supports is not None:
+        return supports.on_mounts(rod.qe, unit.force, unit.moment)
     end, start = np.empty(6), np.empty(6)
     output.wrenches(F, rod.f, rod.contact_force(), rod.qe, rod.g, unit.force, unit.moment, end, start)
     return end, start
@@ -61,6 +64,9 @@ class Reader:
             self._known = known = rod.mesh, count, unit, (scale, tuple(sampling(rod.mesh, count)))
         table = known[3]
         output.read(q, rod.h, start, F, rod.f, contact, rod.qe, rod.g, table, out)
+        supports = rod.supports(q, F)
+        if supports is not None:
+            end_wrench[:], start_wrench[:] = supports.on_mounts(rod.qe, unit.force, unit.moment)
         rod.stretch_points(q, F, table[1], start, unit.length, points)
         return out
 

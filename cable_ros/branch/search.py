@@ -34,7 +34,8 @@ class Search:
         self.sought = sought
         self._starts = Starts(sought, thorough=False)
         self._last: list[PayingOut | handover.Rest]
-        self._last = [PayingOut(sought), handover.Rest(sought)] if sought.compliance is None else []
+        clamped = sought.compliance is None and sought.ends is None
+        self._last = [PayingOut(sought), handover.Rest(sought)] if clamped else []
         self._coarse: list[Found] | None = None
         self._refined = 0
         self._best: Found | None = None

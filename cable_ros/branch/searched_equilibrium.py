@@ -54,7 +54,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
         `loss_cause`: how the branch was lost, a clause; empty: it was not.
         """
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
-        chord = float(np.linalg.norm(conditions.re))
+        chord = self._chord(conditions)
         if not chord < self._reach:
             length = self._units.length
             message = (
@@ -70,7 +70,13 @@ class SearchedEquilibrium(TrackedEquilibrium):
         if obstruction := self._obstruction(conditions):
             return self.failed(Status.OUT_OF_REACH, obstruction, time.perf_counter() - begin)
         sought = Sought(
-            self._stiffness, self._natural, conditions, target_twist, self.tolerance, self._compliance
+            self._stiffness,
+            self._natural,
+            conditions,
+            target_twist,
+            self.tolerance,
+            self._compliance,
+            self._ends,
         )
         return self._search(Pending(Search(sought), joints, poses, loss_cause), begin)
 
@@ -87,7 +93,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, seconds)
         found = search.found
         if found is None:
-            return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
+            return self.failed(Status.NOT_CONVERGED, self._nothing_found, seconds)
         if pending.loss_cause:
             waiting, target_twist = self._record.waiting, search.sought.target_twist
             twist = (
@@ -98,6 +104,16 @@ class SearchedEquilibrium(TrackedEquilibrium):
         self._grid_history = None
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
+
+    @property
+    def _nothing_found(self) -> str:
+        """The message of a search without result."""
+        if self._ends is None or not self._ends.given_moments(IDENTITY).any():
+            return Status.NOT_CONVERGED.sentence
+        return (
+            "No equilibrium was found that is stable for certain: the moment on its free end keeps its "
+            "direction, and beyond about 2 EI / L nothing tells whether the cable is stable; make it smaller."
+        )
 
     def _resume(self, joints: np.ndarray, begin: float) -> Equilibrium | None:
         """Continue the pending search; None if the cable can be tracked from its result to `joints`."""
@@ -122,7 +138,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
         conditions = self._conditions(kinematics, joints, poses, IDENTITY)
         out: list[Equilibrium] = []
         self._record, self._pending, self._grid_history = BranchRecord(), None, None
-        if not np.linalg.norm(conditions.re) < self._reach:
+        if not self._chord(conditions) < self._reach:
             return out
         found: list[Found] = []
         for turns in (-1, 0, 1):
@@ -135,6 +151,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
                 self.tolerance,
                 True,
                 self._compliance,
+                self._ends,
             ):
                 fine, estimate = refine(one, self.tolerance)
                 if estimate <= self.tolerance and not any(same(fine, other) for other in found):

@@ -31,6 +31,7 @@ from cable_ros.effects.choice import Choice
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Overlap, Status
 from cable_ros.limits import Extreme
+from cable_ros.rod import quaternion
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.scene import Cable
@@ -139,7 +140,7 @@ class TrackedEquilibrium(CableModel):
         energy, _, _ = rod.linearize(self._q, self._F)
         rod.factor(0.0)
         here = Found(rod, self._q, self._F, energy, float(rod.totals[TWIST]), 0)
-        return is_unique(here, self._stiffness, self._natural, self._compliance, self.tolerance)
+        return is_unique(here, self._stiffness, self._natural, self._compliance, self.tolerance, self._ends)
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
         self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints
@@ -177,7 +178,7 @@ class TrackedEquilibrium(CableModel):
         if rod.forgot:
             self._lose("friction was forgotten when the mesh changed")
         status, message = self._verdict(status, message, error)
-        return self._result(status, message, iterations, poses[0], begin)
+        return self._result(status, message, iterations, poses, begin)
 
     def _refine(self, rod: Rod) -> tuple[int, str]:
         """Estimate the error of a rod without a grid, and refine its mesh until it meets the tolerance.
@@ -222,12 +223,13 @@ class TrackedEquilibrium(CableModel):
         return status, message if self.choice is None else message + self.choice.note
 
     def _result(
-        self, status: Status, message: str, iterations: int, start: np.ndarray, begin: float
+        self, status: Status, message: str, iterations: int, poses: np.ndarray, begin: float
     ) -> Equilibrium:
-        """The present equilibrium as it is published; `start` (7,): its start clamp."""
+        """The present equilibrium as it is published; `poses` (2, 7): where its ends are held."""
         rod, unit = self._rod, self._units
         assert rod is not None
         self._twist = float(rod.totals[TWIST])
+        start = self.origin(poses)
         end_wrench, start_wrench, points, orientations = self._reader.read(
             rod, self._q, self._F, start, unit, self.polyline_points
         )
@@ -236,10 +238,11 @@ class TrackedEquilibrium(CableModel):
             status=status, message=message, converged=self._record.loss is None, stable=True,
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
             points=points, orientations=orientations, total_twist=self._twist,
-            energy=float(rod.totals[ENERGY]) * unit.moment - unit.length * float(self._weight @ start[:3]),
+            energy=float(rod.totals[ENERGY]) * unit.moment + self._datum(rod, poses),
             error_estimate=self._error, iterations=iterations, solve_time=time.perf_counter() - begin,
             overlaps=(Overlap(self.name, self._apart, self._diameter),) if meets else (),
             _tangent=results.Tangent(rod, self._q, self._F, unit, self._names, start, self._density),
+            _mounts=None if self._ends is None else poses[:, 3:].copy(),
             _touching=results.touching(rod, self._names, start, unit),
         )  # fmt: skip
 
@@ -297,10 +300,36 @@ class TrackedEquilibrium(CableModel):
         return max(self.tolerance, GRID if self._model == COULOMB else 0.0)
 
     def _closest_approach(self, start: np.ndarray) -> float:
-        """Smallest distance of the cable from itself, m; `start` (7,): its start clamp."""
+        """Smallest distance of the cable from itself, m; `start` (7,): where it starts."""
         if not self._diameter or self._rod is None:
             return np.inf
         return closest_approach(self.outline(start), self._units.length, SPACING * self._diameter)
+
+    def origin(self, poses: np.ndarray) -> np.ndarray:
+        """(7,) where the present equilibrium begins, world, along the start mount's axes.
+
+        `poses` (2, 7): of the mounts. A cable whose start is free or slides begins where its end allows.
+        """
+        start: np.ndarray = poses[0]
+        if self._ends is None or self._ends.start.held or self._rod is None:
+            return start
+        turn = quaternion.matrix_from_ros(start[3:])
+        return np.concatenate([poses[1, :3] - self._units.length * turn @ self._rod.totals[:3], start[3:]])
+
+    def _datum(self, rod: Rod, poses: np.ndarray) -> float:
+        """Potential, J, of weight and given forces at the mount that the rod's energy counts from."""
+        ends, unit = self._ends, self._units
+        if ends is None or ends.start.placed:
+            potential = -unit.length * float(self._weight @ poses[0, :3])
+        else:
+            potential = -unit.length * float(self._weight @ poses[1, :3])
+        if ends is None:
+            return potential
+        if not ends.free:
+            return potential + unit.moment * float(rod.given @ rod.re)
+        load, free, held = (ends.start, 0, 1) if ends.end.placed else (ends.end, 1, 0)
+        force = unit.force * quaternion.matrix_from_ros(poses[free, 3:]) @ load.force
+        return potential - float(force @ poses[held, :3])
 
     def outline(self, start: np.ndarray) -> np.ndarray:
         """(OUTLINE, 3) centreline of the present equilibrium, world, m; `start` (7,): its start clamp."""
@@ -332,9 +361,14 @@ class TrackedEquilibrium(CableModel):
         """(n, 4) its nodal frames."""
         return self._q
 
+    @property
+    def end_force(self) -> np.ndarray:
+        """(3,) end force of the present equilibrium, EI / L^2, along the start mount's axes."""
+        return self._F
+
     def wrenches(self, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
         """(6,), (6,): wrenches of the cable on its end and start clamps, SI, in the clamps' frames."""
-        return results.wrenches(rod, self._F, self._units)
+        return results.wrenches(rod, self._q, self._F, self._units)
 
     def failed(self, status: Status, message: str, solve_time: float) -> Equilibrium:
         """A result without numbers."""

@@ -235,7 +235,7 @@ class NodalRod(NodalSolver):
             self._compare(twin)
 
     def finer(self) -> NodalRod | None:
-        """This equilibrium with its friction on a finer grid; None if that fails.
+        """The equilibrium and its friction on a finer grid; None if that fails.
 
         The error that friction has from this grid stays; that of where contacts are does not.
         """

@@ -12,7 +12,7 @@ import numpy as np
 
 from cable_ros.rod.quaternion import from_ros, multiply, rotate, to_ros
 from cable_ros.scene.kinematics import Kinematics
-from cable_ros.scene.model import Scene
+from cable_ros.scene.model import FREE, Scene
 from cable_ros.scene.obstacles import Box, Obstacle, Plane, Shape, Sphere
 from cable_ros.scene.urdf import chains
 
@@ -40,7 +40,7 @@ class Skeleton:
         self._carried = [obstacle for obstacle in scene.obstacles if obstacle.link is not None]
         mounts = [mount for cable in scene.cables for mount in cable.mounts if mount.link is not None]
         ends = [mount.link for mount in mounts] + [obstacle.link for obstacle in self._carried]
-        self._clamps = [(str(mount.link), mount.position) for mount in mounts]
+        self._clamps = [(str(mount.link), mount.position) for mount in mounts if mount.kind != FREE]
         self._parents: list[tuple[str, str]] = []
         self._links: list[str] = []
         if scene.robot is not None and ends:

@@ -68,36 +68,25 @@ def margin(elastic, V, count, order, factors, mode, start_vector, repeats):
 
 
 @njit(**OPTIONS)
-def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, estimate):
-    """First-order change (6,) of end force and end moment when every element gets one order more.
-
-    The enriched space adds one polynomial an element, which is eliminated there; the rest is one solve with
-    the factors at hand.
+def condense(q, Fe, conditions, section, grid, enrichment, marks, estimate, c):
+    """Eliminate the added polynomials: what is left of the gradient and of the constraints.
 
     Args:
-        q: (n, 4) nodal frames.
-        Fe: (m, 3) constant part of the internal force, see `energy_kernels.gradient`.
-        conditions: fields of `Conditions`, as a plain tuple, see `entry_points`; so are the next ones.
-        section, grid: of `Section` and `Grid`.
-        enrichment: of `Enrichment`.
-        system: of `System` at the equilibrium, factored.
-        rows: of `ConstraintRows`, those beyond the third of contact points.
-        count: number of rows.
-        estimate: of `Estimate`.
+        q, Fe, conditions, section, grid, enrichment: as in `error`.
+        marks: lines and upto of `ConstraintRows`.
+        estimate: of `Estimate`; the residual receives the gradient, given forces on nodes left out.
+        c: (count,) overwritten: how far the end is off, and positions at contact points.
     """
     _, re, f = conditions
     K, natural = section
     h, s0, _ = grid
     fine, bubble = enrichment
     tables = Tables(*fine)
-    system = system_of(system)
     N, dN, points, weights = tables.values, tables.slopes, tables.points, tables.weights
-    g = system.evaluation.g
-    V, _, _, lines, upto = rows
+    lines, upto = marks
     boundaries, residual, shares = estimate
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
-    n = 3 * q.shape[0]
     qs, ds, G = np.empty(4), np.empty(4), np.empty(3)
     Db = np.empty((8, 3))
     frame = np.empty((4, nd))
@@ -112,7 +101,8 @@ def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, est
     Cb = np.zeros((3, 3))
     rb = np.empty(3)
     change, x = np.empty(3), np.empty(3)
-    c = np.zeros(count)
+    count = c.shape[0]
+    c[:] = 0.0
     for a in range(3):
         c[a] = -re[a]
     for e in range(h.shape[0]):
@@ -197,6 +187,34 @@ def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, est
             if upto[i] == e + 1:
                 for a in range(3):
                     c[i] += lines[i, a] * (c[a] + re[a] - boundaries[e + 1, a])
+
+
+@njit(**OPTIONS)
+def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, estimate):
+    """First-order change (6,) of end force and end moment when every element gets one order more.
+
+    The enriched space adds one polynomial an element, which is eliminated there; the rest is one solve with
+    the factors at hand.
+
+    Args:
+        q: (n, 4) nodal frames.
+        Fe: (m, 3) constant part of the internal force, see `energy_kernels.gradient`.
+        conditions: fields of `Conditions`, as a plain tuple, see `entry_points`; so are the next ones.
+        section, grid: of `Section` and `Grid`.
+        enrichment: of `Enrichment`.
+        system: of `System` at the equilibrium, factored.
+        rows: of `ConstraintRows`, those beyond the third of contact points.
+        count: number of rows.
+        estimate: of `Estimate`.
+    """
+    V, _, _, lines, upto = rows
+    _, residual, _ = estimate
+    c = np.zeros(count)
+    condense(q, Fe, conditions, section, grid, enrichment, (lines, upto), estimate, c)
+    system = system_of(system)
+    g = system.evaluation.g
+    n = 3 * q.shape[0]
+    order = enrichment[0][0].shape[1] - 1
     s = np.empty(n)
     dF = np.empty(count)
     kkt_step(residual, c, V, count, order, system.factors, s, dF)

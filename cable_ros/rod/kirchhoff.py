@@ -15,6 +15,7 @@ from cable_ros.rod.elements import Mesh, enrichment
 from cable_ros.rod.energy_kernels import workspace
 from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.rod_state import ENERGY
+from cable_ros.rod.supports import Supports
 from cable_ros.solve.trust_region import Options, minimize
 
 ORDER = 6
@@ -63,6 +64,9 @@ class Rod:
 
     compliance = NOTHING
     """(3,) of shear and axial strain, EI / L^2 over the stiffness."""
+
+    given = NOTHING
+    """(3,) part of the end force that is given, EI / L^2."""
 
     frictional = False
     """Whether it touches something with friction."""
@@ -149,6 +153,24 @@ class Rod:
     ) -> None:
         """End frame (4,) scalar first, end position (3,), load (3,) per length; see `TouchingRod`."""
         self.qe, self.re, self.f = qe, re, f
+
+    def chord(self, qe: np.ndarray, re: np.ndarray) -> float:
+        """Least distance of the cable's ends, L, with an end frame qe (4,) at re (3,)."""
+        return float(np.linalg.norm(re))
+
+    def on_end(self, q: np.ndarray) -> np.ndarray:
+        """A copy of the frames q (n, 4) whose last one is on the end frame."""
+        q = q.copy()
+        q[-1] = self.qe if q[-1] @ self.qe > 0.0 else -self.qe
+        return q
+
+    def reactions(self) -> np.ndarray:
+        """Moment (3,), EI / L, by which equilibria of equal energy and twist can be told apart."""
+        return self.g[-1]
+
+    def supports(self, q: np.ndarray, F: np.ndarray) -> Supports | None:
+        """What ends other than clamps feel, at the equilibrium (q, F); None: they are clamps."""
+        return None
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
         """(m,) which elements are too long for contact, see `FixedSetRod`."""

@@ -121,10 +121,11 @@ class CableMarkers:
         self._points[:] = rings.reshape(-1, 3)[self._corners]
         shades = colours(bending_moments(self._cable, equilibrium.orientations))
         self._colours[:] = shades[self._corners // SIDES]
+        axes = matrices_from_ros(equilibrium.wrench_axes)
         ends = ((-1, equilibrium.end_wrench), (0, equilibrium.start_wrench))
         for arrow, (index, wrench) in zip(self._arrows, ends, strict=True):
             arrow[0] = points[index]
-            arrow[1] = points[index] + force_scale * (frames[index] @ wrench[:3])
+            arrow[1] = points[index] + force_scale * (axes[index] @ wrench[:3])
         set_stamp(self._template, stamp)
         return self._template.to_bytes()
 

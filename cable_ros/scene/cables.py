@@ -13,8 +13,8 @@ from cable_ros.scene.cable_limits import CABLE_LIMITS, read_limits
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.fields import MILLIMETRES, Field, Size, vector
 from cable_ros.scene.influences import CELSIUS, DOSE, GRAY, TEMPERATURE, read_influence, row
-from cable_ros.scene.model import Cable, Mount
-from cable_ros.scene.placement import LINK, ROTATION, read_link, rotation
+from cable_ros.scene.model import FREE, Cable
+from cable_ros.scene.mounts import MOUNT, check_ends, read_mount
 from cable_ros.scene.section import Section
 
 LENGTH = Size("m", 0.01, 100.0, too_high=MILLIMETRES)
@@ -27,9 +27,6 @@ BENDING = Size("N m^2", 1e-6, 1e3, too_high=STIFFNESS.too_high)
 TWIST = Size("rad", -1e4, 1e4)
 FORCE_STIFFNESS = Size("N", 1e-3, 1e12)
 
-LINK_REACH = 50.0
-WORLD_REACH = 1e5
-"""m; a clamp farther than this from the origin of its link, or of the world, is a slip of units."""
 CHORD_RATIO = 100.0
 """Clamps in one frame that are this many cable lengths apart are a slip of units."""
 THINNEST_WALL = 0.99
@@ -45,16 +42,6 @@ MOST_NATURAL = 100.0
 _SECTION_FIELDS = ("diameter", "inner_diameter", "youngs_modulus", "shear_modulus")
 _TOKEN = re.compile(r"[A-Za-z](?:_?[A-Za-z0-9])*")
 _TOKEN_LENGTH = 80
-
-MOUNT = (
-    LINK,
-    Field(
-        "position", vector(3), "[x, y, z] in metres",
-        "Clamp point in the link's frame, or in the world.", "[0.080, 0.145, 0.075]", unit="m",
-        extent=f"within {LINK_REACH:g} m of the link's origin, {WORLD_REACH:g} m of the world's",
-    ),
-    *ROTATION,
-)  # fmt: skip
 
 _MOUNT_REMEDY = "{position: [x, y, z], orientation: [x, y, z, w]}, with a link where the robot carries it"
 
@@ -180,9 +167,10 @@ def read_cable(values: Any, source: str, place: str, links: tuple[str, ...] | No
     twist = section.number("total_twist") if "total_twist" in section else None
     axial = section.number("axial_stiffness") if "axial_stiffness" in section else None
     shear = section.vector("shear_stiffness", 2) if "shear_stiffness" in section else None
-    start = _mount(section, "start", links)
-    end = _mount(section, "end", links)
-    if start.link == end.link:
+    start = read_mount(section, "start", links)
+    end = read_mount(section, "end", links)
+    check_ends(section, start, end)
+    if start.link == end.link and FREE not in (start.kind, end.kind):
         chord = math.dist(start.position, end.position)
         if chord > CHORD_RATIO * length:
             section.fail(
@@ -294,14 +282,3 @@ def _inner_diameter(section: Section, diameter: float) -> float:
             "inner_diameter",
         )
     return inner
-
-
-def _mount(cable: Section, name: str, links: tuple[str, ...] | None) -> Mount:
-    section = cable.inner(name)
-    link = read_link(section, links)
-    position = section.vector("position", 3)
-    reach = math.hypot(*position)
-    if reach > (WORLD_REACH if link is None else LINK_REACH):
-        frame = "the world" if link is None else "its link"
-        section.fail(f"{reach:g} m from the origin of {frame}; {MILLIMETRES}; give metres", "position")
-    return Mount(position, rotation(section), link)

@@ -14,7 +14,7 @@ from cable_ros.scene.cables import CABLE, check_density, read_cable
 from cable_ros.scene.caps import MOST_CABLES, MOST_OBSTACLES, MOST_URDF_CHARACTERS
 from cable_ros.scene.errors import SceneError, suggestion
 from cable_ros.scene.fields import Field, Size, vector
-from cable_ros.scene.model import EFFECTS, Cable, Robot, Scene
+from cable_ros.scene.model import CLAMPED, EFFECTS, Cable, Robot, Scene
 from cable_ros.scene.obstacles import OBSTACLE, RADIUS_WORDS, Obstacle, read_obstacles
 from cable_ros.scene.placement import read_link
 from cable_ros.scene.section import Section, describe, plain
@@ -131,6 +131,7 @@ def load_scene(
     effects = _effects(top)
     if obstacles:
         _check_stretch_without_contact(top, cables, effects)
+        _check_clamps_with_contact(top, cables, effects)
     return Scene(tuple(cables), gravity, robot, text, path, source, obstacles, friction_model, effects)
 
 
@@ -146,6 +147,18 @@ def _check_stretch_without_contact(top: Section, cables: list[Cable], effects: s
                     f"{effect} and contact cannot be combined yet; leave {field} or the obstacles out, "
                     "or let 'effects' list one of the two",
                     f"cables[{i}].{field}",
+                )
+
+
+def _check_clamps_with_contact(top: Section, cables: list[Cable], effects: str | tuple[str, ...]) -> None:
+    """The equations of contact are those of a cable between two clamps."""
+    for i, cable in enumerate(cables):
+        for name, mount in (("start", cable.start), ("end", cable.end)):
+            if mount.kind != CLAMPED and (isinstance(effects, str) or "contact" in effects):
+                top.fail(
+                    f"a {mount.kind} end and contact cannot be combined yet; clamp it, leave the obstacles "
+                    "out, or let 'effects' list what there is without contact",
+                    f"cables[{i}].{name}.kind",
                 )
 
 

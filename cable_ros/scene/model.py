@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,21 +18,42 @@ EFFECTS = (
 """What a scene may call for beyond bending and torsion, by the names that its `effects` may list."""
 
 
+KINDS = CLAMPED, PINNED, SWIVEL, SLIDING, FREE = "clamped", "pinned", "swivel", "sliding", "free"
+"""How an end is held: in position and orientation; in position; but for turning about the tangent; across an
+axis; not at all."""
+NOTHING = np.zeros(3)
+
+
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """A clamp: a frame whose z axis is the cable's tangent, pointing from the cable's start to its end."""
+    """What holds an end. The z axis of its frame is the cable's tangent at a clamp, from start to end."""
 
     position: np.ndarray
-    """(3,) clamp point in the link's frame, or in the world where there is no link, m."""
+    """(3,) point that holds the end, in the link's frame, or in the world where there is no link, m."""
     orientation: np.ndarray
-    """(4,) unit quaternion x y z w of the clamp's frame in the same frame."""
+    """(4,) unit quaternion x y z w of the mount's frame in the same frame."""
     link: str | None = None
-    """Link of the robot that carries the clamp; None: fixed in the world."""
+    """Link of the robot that carries it; None: fixed in the world. Of a free end: whose axes its load has."""
+    kind: str = CLAMPED
+    """One of `KINDS`."""
+    axis: np.ndarray | None = None
+    """(3,) unit vector along which a sliding end slides, in the mount's frame."""
+    force: np.ndarray = field(default_factory=lambda: NOTHING)
+    """(3,) given force on a sliding or free end, in the mount's frame, N."""
+    moment: np.ndarray = field(default_factory=lambda: NOTHING)
+    """(3,) given moment on a free end, in the mount's frame, N m."""
+    turns: bool = False
+    """Whether a sliding end may turn."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the end stays at `position`."""
+        return self.kind in (CLAMPED, PINNED, SWIVEL)
 
 
 @dataclass(frozen=True, eq=False)
 class Cable:
-    """One cable, clamped at both ends; straight, untwisted and inextensible unless it says otherwise."""
+    """One cable, held at its ends; straight, untwisted and inextensible unless it says otherwise."""
 
     name: str
     """Also its part of the topic names."""

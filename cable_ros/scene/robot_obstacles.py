@@ -10,7 +10,7 @@ from collections.abc import Container, Iterable, Iterator, Sequence
 from cable_ros.scene.collision import Piece, bodies, pieces, placed_by
 from cable_ros.scene.errors import SceneError, suggestion
 from cable_ros.scene.fitted_urdf import with_solids
-from cable_ros.scene.model import Cable, Robot
+from cable_ros.scene.model import FREE, Cable, Robot
 from cable_ros.scene.obstacles import Obstacle
 from cable_ros.scene.section import Section, describe, plain
 from cable_ros.scene.solids import distances
@@ -125,6 +125,8 @@ class Clamped:
         self._clamps = []
         for cable in cables:
             for mount in cable.mounts:
+                if mount.kind == FREE:
+                    continue
                 body = self._bodies[mount.link]
                 point = body.position + body.turn @ mount.position
                 self._clamps.append((cable, body.top, point))

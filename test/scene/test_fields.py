@@ -16,6 +16,8 @@ import yaml
 from cable_ros.scene import Cable, Obstacle, Scene, SceneError, load_scene
 from cable_ros.scene.fields import REQUIRED, Field
 from cable_ros.scene.load import SCENE
+from cable_ros.scene.model import FREE
+from cable_ros.scene.mounts import BELONGS
 from cable_ros.scene.obstacles import OBSTACLE
 from cable_ros.share import share_file
 
@@ -71,6 +73,10 @@ def scene_with(place: Place, value: Any) -> dict[str, Any]:
         at.update(ROUND)
     if name == "rpy":
         at.pop("orientation", None)
+    if name in BELONGS and place[-2] in ("start", "end"):
+        at["kind"] = BELONGS[name]
+        if BELONGS[name] == FREE:
+            del at["position"], at["orientation"]
     at[name] = value
     if place[0] == "obstacles" and len(place) > 1 and not set(SHAPES) & set(values["obstacles"][0]):
         values["obstacles"][0]["plane"] = {"point": [0, 0, -9], "normal": [0, 0, 1]}
