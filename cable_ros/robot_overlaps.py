@@ -46,6 +46,8 @@ class RobotOverlaps:
             if unknown:
                 why = next(iter(unknown.values()))
                 self.unknown = f"Cables are not compared with {', '.join(unknown)}: {why}"
+        self.compared = bool(self._obstacles)
+        """Whether there are links that cables are compared with."""
         self._solids: dict[str, list[int]] = defaultdict(list)
         for k, obstacle in enumerate(self._obstacles):
             self._solids[obstacle.link or ""].append(k)
@@ -66,7 +68,7 @@ class RobotOverlaps:
             joints: value by joint name.
             outline: gives a cable's polyline (n, 3), world, m, by its number.
         """
-        if not self._obstacles:
+        if not self.compared:
             return
         links = self._kinematics.obstacle_poses(
             np.array([joints[name] for name in self._kinematics.joint_names], dtype=float)
