@@ -123,11 +123,11 @@ def inside(points, step, obstacles):  # type: ignore[no-untyped-def]
 
 def _passing(found: Equilibrium, passed: Mapping[str, Overlap]) -> Equilibrium:
     """With these overlaps, by link."""
-    told = "; ".join(
+    passages = "; ".join(
         f"{link} by {(one.contact_distance - one.distance) * 1e3:.3g} mm "
         f"between {one.between[0]:.3g} and {one.between[1]:.3g} m"
         for link, one in passed.items()
         if one.between
     )
-    message = f"{found.message} It passes through {told}: the robot is not among its obstacles."
+    message = f"{found.message} It passes through {passages}: the robot is not among its obstacles."
     return dataclasses.replace(found, message=message, overlaps=(*found.overlaps, *passed.values()))

@@ -28,7 +28,7 @@ class JointMotion:
             positions: index among the joints, and position, rad or m, of those that a message has.
             stamp: of the message, ns. Times that go back begin anew.
         """
-        told = ""
+        warning = ""
         for index, position in positions:
             before, since = self._last[index]
             self._last[index] = position, stamp
@@ -37,5 +37,5 @@ class JointMotion:
                 0 < since < stamp
                 and abs(position - before) > self._velocities[index] * (stamp - since) * 1e-9
             ):
-                told = self._limits[index].too_fast(position - before, (stamp - since) * 1e-9) or told
-        return told
+                warning = self._limits[index].too_fast(position - before, (stamp - since) * 1e-9) or warning
+        return warning

@@ -12,7 +12,7 @@ from cable_ros.scene.urdf import joint_elements, number_of
 
 WARN, REFUSE, IGNORE = "warn", "refuse", "ignore"
 MODES = (WARN, REFUSE, IGNORE)
-"""What is done with a joint value outside: solved and told; told and not solved; or solved as any other."""
+"""A joint value outside is solved and reported, or reported and not solved, or solved as any other."""
 
 SLACK = 1e-3
 """rad or m; how far beyond its end a sensor may see a joint that rests there."""
