@@ -170,7 +170,7 @@ class TrackedEquilibrium(CableModel):
             # two points can have approached by that much since the last check
             self._apart = self._closest_approach(poses[0])
         error = self._error
-        if error > self.tolerance and error > self._limit:
+        if error > self.tolerance and error > self._limit:  # mostly it meets the tolerance
             return self.failed(Status.NOT_CONVERGED, COARSE.format(error), time.perf_counter() - begin)
         if rod.forgot:
             self._lose("friction was forgotten when the mesh changed")
