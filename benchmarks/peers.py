@@ -176,7 +176,6 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of peers.md, .csv and .png")
     args = parser.parse_args()
     facts = describe() | {name: metadata.version(name) for name in PACKAGES}
-    del facts["cable_ros"]  # run from its tree, it has no version here
     arm, found = Arm(), []
     for row in rows(arm, args.only):
         found.append(row)

@@ -27,10 +27,9 @@ class Status(enum.Enum):
     NOT_CONVERGED = "The solver did not converge; the numbers are not to be trusted."
     INVALID_INPUT = "The input is not a usable number or a needed joint is missing."
 
-    @property
-    def sentence(self) -> str:
-        """The sentence that a person reads."""
-        return self.value
+    def __init__(self, sentence: str) -> None:
+        self.sentence = sentence
+        """The value, quicker to get."""
 
     @property
     def trusted(self) -> bool:

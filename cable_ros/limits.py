@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 WARNING = 0.8
-"""Fraction of a limit in use from which it is told."""
+"""Fraction of a limit in use from which it is reported."""
 OK, NEAR, BEYOND = 0, 1, 2
 """How an extreme stands to its limit, the worse the larger."""
 

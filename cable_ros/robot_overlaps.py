@@ -46,6 +46,8 @@ class RobotOverlaps:
             if unknown:
                 why = next(iter(unknown.values()))
                 self.unknown = f"Cables are not compared with {', '.join(unknown)}: {why}"
+        self.compared = bool(self._obstacles)
+        """Whether there are links that cables are compared with."""
         self._solids: dict[str, list[int]] = defaultdict(list)
         for k, obstacle in enumerate(self._obstacles):
             self._solids[obstacle.link or ""].append(k)
@@ -66,7 +68,7 @@ class RobotOverlaps:
             joints: value by joint name.
             outline: gives a cable's polyline (n, 3), world, m, by its number.
         """
-        if not self._obstacles:
+        if not self.compared:
             return
         links = self._kinematics.obstacle_poses(
             np.array([joints[name] for name in self._kinematics.joint_names], dtype=float)
@@ -121,11 +123,11 @@ def inside(points, step, obstacles):  # type: ignore[no-untyped-def]
 
 def _passing(found: Equilibrium, passed: Mapping[str, Overlap]) -> Equilibrium:
     """With these overlaps, by link."""
-    told = "; ".join(
+    passages = "; ".join(
         f"{link} by {(one.contact_distance - one.distance) * 1e3:.3g} mm "
         f"between {one.between[0]:.3g} and {one.between[1]:.3g} m"
         for link, one in passed.items()
         if one.between
     )
-    message = f"{found.message} It passes through {told}: the robot is not among its obstacles."
+    message = f"{found.message} It passes through {passages}: the robot is not among its obstacles."
     return dataclasses.replace(found, message=message, overlaps=(*found.overlaps, *passed.values()))

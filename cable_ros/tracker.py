@@ -222,7 +222,8 @@ class Tracker:
         self._joints = values
         if len(out) > 1:
             self._pairs.mark(out, poses, self._outlines(out, poses))
-        self.robot_overlaps.mark(out, joints, self._outlines(out, poses))
+        if self.robot_overlaps.compared:
+            self.robot_overlaps.mark(out, joints, self._outlines(out, poses))
         if self.outside:
             for name, found in out.items():
                 out[name] = dataclasses.replace(found, message=f"{found.message} {self.outside}")

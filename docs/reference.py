@@ -26,7 +26,7 @@ NOTE = "<!-- Written by docs/reference.py: change the code, not this page. -->"
 SCENE_START = f"""{NOTE}
 # The scene file
 
-YAML in SI units: metres, kilograms, newtons, radians; quaternions are x y z w. Every mistake is told in one
+YAML in SI units: metres, kilograms, newtons, radians; quaternions are x y z w. Every mistake is one
 sentence with the file, the field and what would be right. [first_steps.md](first_steps.md) builds a scene;
 complete ones are [space_arm.yaml](../config/space_arm.yaml),
 [space_arm_sphere.yaml](../config/space_arm_sphere.yaml), [space_arm_cold.yaml](../config/space_arm_cold.yaml)

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from cable_ros.bench.contact_checks import Surface, contact_fault, pull_fault, surfaces, touches
 from cable_ros.bench.end_checks import clamped, judge_ends
+from cable_ros.bench.path_bounds import PathBounds, path_bounds
 from cable_ros.bench.verification import Rod, Verification, verify
-from cable_ros.bench.way import Way, shortest
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import Scene, load_scene
 from cable_ros.scene.kinematics import Kinematics
@@ -79,8 +79,8 @@ class Step:
     fault: str | None
     """Why the answer is wrong; None: verified, or reported as not to be trusted."""
     scene: Scene | None = None
-    way: Way | None = None
-    """The shortest ways past the obstacles, looked for where there is no answer among them."""
+    paths: PathBounds | None = None
+    """Bounds on the shortest path past the obstacles, if there is no answer among them."""
 
     @property
     def verified(self) -> bool:
@@ -92,8 +92,8 @@ class Step:
         return (
             self.equilibrium.status is Status.OUT_OF_REACH
             and self.fault is None
-            and self.way is not None
-            and self.way.too_long
+            and self.paths is not None
+            and self.paths.too_long
         )
 
 
@@ -163,11 +163,11 @@ def judge(
     fault = contact_fault(rod, met, equilibrium)
     if fault is not None:
         return None, fault
-    told = sorted(touches(rod, met, equilibrium), key=lambda touch: touch.place)
-    found = verify(rod, equilibrium, told)
-    # contacts told cell by cell are pushes as told; found anew, neighbours trade what they can't tell apart
+    reported = sorted(touches(rod, met, equilibrium), key=lambda touch: touch.place)
+    found = verify(rod, equilibrium, reported)
+    # as reported, contacts of cells push; found again, neighbours trade forces that nothing distinguishes
     on_grid = equilibrium.error_estimate > tolerance
-    fault = None if on_grid else pull_fault(rod, found, told)
+    fault = None if on_grid else pull_fault(rod, found, reported)
     if fault is not None:
         return found, fault
     if not found.converged:
@@ -220,7 +220,7 @@ def solve_step(
     cables = {cable.name: cable for cable in scene.cables}
     steps = []
     for name, rod in rods(scene, kinematics, at).items():
-        way = None
+        paths = None
         if usable:
             resolved = _resolved(name, rod, answers[name], tracker, joints)
             met = surfaces(scene, kinematics, joint_values(kinematics, joints), cables[name].radius)
@@ -230,20 +230,20 @@ def solve_step(
                 verification, fault = judge_ends(cables[name], rod, resolved, tracker.tolerance)
             if met and answers[name].status in (Status.OUT_OF_REACH, Status.NOT_CONVERGED):
                 distances = {which: surface.signed for which, surface in met.items()}
-                way = shortest(rod.start[:3], rod.end[:3], rod.length, distances)
-                fault = reach_fault(answers[name], way, rod.length)
+                paths = path_bounds(rod.start[:3], rod.end[:3], rod.length, distances)
+                fault = reach_fault(answers[name], paths, rod.length)
         else:
             trusted = answers[name].status.trusted
             verification, fault = None, "trusted without usable joints" if trusted else None
-        steps.append(Step(answers[name], rod, verification, seconds, fault, scene, way))
+        steps.append(Step(answers[name], rod, verification, seconds, fault, scene, paths))
     return steps
 
 
-def reach_fault(answer: Equilibrium, way: Way, length: float) -> str | None:
-    """What is wrong with the claim that a cable of `length`, m, is too short, with these ways to go."""
-    if answer.status is not Status.OUT_OF_REACH or not way.fits:
+def reach_fault(answer: Equilibrium, paths: PathBounds, length: float) -> str | None:
+    """What is wrong with the claim that a cable of `length`, m, is too short for all paths; or None."""
+    if answer.status is not Status.OUT_OF_REACH or not paths.fits:
         return None
-    return f"said to be too short, but {way.told(length)}"
+    return f"said to be too short, but {paths.describe(length)}"
 
 
 def _resolved(name: str, rod: Rod, answer: Equilibrium, tracker: Tracker, joints: Pose) -> Equilibrium:

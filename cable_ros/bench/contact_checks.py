@@ -85,7 +85,7 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
             # the clamp itself holds what is next to it
             holds = CLAMP < place / length < 1.0 - CLAMP
             out.append(Touch(place / length, at, normal_force / unit, np.zeros(3), holds, slides=False))
-        # friction remembers: it need not be smooth, and is taken as it is told
+        # friction remembers: it need not be smooth, and is taken as it is reported
         pressing = [c for c in mine if c.length > 0.0 and c.friction.any()]
         out += [Touch(c.arc_length / length, at, 0.0, c.friction / unit, False, False) for c in pressing]
     return out
@@ -117,15 +117,15 @@ def spread(contacts: Sequence[Contact], cell: float) -> list[tuple[float, float]
         low = max(near, default=min(after) - lengths.sum() if after else alone)
         cells = max(len(run), math.ceil(lengths.sum() / cell))
         at = low + lengths.sum() * (np.arange(cells) + 0.5) / cells
-        told = np.array([c.normal_force for c in run])
-        forces = np.interp(at, [c.arc_length for c in run], told / lengths) * lengths.sum() / cells
-        forces += (told.sum() - forces.sum()) / cells
+        reported = np.array([c.normal_force for c in run])
+        forces = np.interp(at, [c.arc_length for c in run], reported / lengths) * lengths.sum() / cells
+        forces += (reported.sum() - forces.sum()) / cells
         out += list(zip(at.tolist(), forces.tolist(), strict=True))
     return out
 
 
 def contact_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> str | None:
-    """What is wrong with the claimed contacts as they are told: place, direction, pull, cone, depth."""
+    """What is wrong with the claimed contacts as they are reported: place, direction, pull, cone, depth."""
     largest = max((float(np.linalg.norm(contact.force)) for contact in claim.contacts), default=0.0)
     for contact in claim.contacts:
         where = f"contact with {contact.obstacle} at {contact.arc_length / rod.length:.4f} L"

@@ -34,7 +34,7 @@ DIAMETERS = (0.01, 0.02)
 """Parts of the length."""
 FRICTIONS = (0.1, 0.2, 0.3, 0.5, 0.8)
 POSES = (3, 4, 6, 8, 11, 11, 16, 16, 21, 31, 41, 61, 101, 200)
-"""A path is told in about so many."""
+"""Approximate number of poses of a path."""
 CHORDS = (0.05, 0.95)
 """Relative to the length."""
 STUB = 0.03
@@ -60,18 +60,18 @@ def drawn_case(seed: int, index: int, tolerance: float, kind: str | None = None)
 
 
 def refined(path: Sequence[Pose], parts: int) -> tuple[Pose, ...]:
-    """The same path told in `parts` times as many steps, straight in the joints."""
+    """The same path in `parts` times as many steps, straight in the joints."""
     out = [dict(path[0])]
     for before, after in pairwise(path):
         for k in range(1, parts + 1):
             there = k / parts
-            # the poses that were told stay as they are to the last bit
+            # the given poses stay as they are to the last bit
             moved = {name: before[name] + there * (after[name] - before[name]) for name in after}
             out.append(moved if k < parts else dict(after))
     return tuple(out)
 
 
-def told(waypoints: Sequence[Pose], poses: int) -> tuple[Pose, ...]:
+def divided(waypoints: Sequence[Pose], poses: int) -> tuple[Pose, ...]:
     """A path through all `waypoints` in about `poses` poses."""
     return refined(waypoints, max(1, round((poses - 1) / (len(waypoints) - 1))))
 
@@ -106,7 +106,7 @@ def _case(rng: np.random.Generator, kind: str, name: str, tolerance: float) -> t
     scene, urdf, home = on_carriage(mapping)
     home |= dict.fromkeys(BODY, 0.0)
     corners = [_moved(home, move, length) for move in ({}, *drawing.waypoints, {})]
-    path = told(corners, poses)
+    path = divided(corners, poses)
     what = f"{kind}, {len(path)} poses, weight {weight:g}, friction {friction:g}: " + ", ".join(
         " ".join(f"{joint} {by:g}" for joint, by in move.items()) or "home" for move in drawing.waypoints
     )

@@ -2,9 +2,9 @@
 """Drawn scenes solved and judged: true by itself, true as a step, and the same in finer steps.
 
 Without friction an answer is verified as among random obstacles. With friction the forces across the normals
-are taken as they are told there, which says nothing of what came before. So beside the cone, two things are
-asked of the path. What slides must not be driven by its friction, and what sticks stays where it is on its
-obstacle. And the same path told in more poses ends in the same wrenches.
+are taken as reported, which says nothing of what came before. So beside the cone, two things are asked of the
+path. What slides must not be driven by its friction, and what sticks stays where it is on its
+obstacle. And the same path in more poses ends in the same wrenches.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from cable_ros.bench.cases import (
 )
 from cable_ros.bench.contact_checks import surfaces
 from cable_ros.bench.drawn import refined
-from cable_ros.bench.way import shortest
+from cable_ros.bench.path_bounds import path_bounds
 from cable_ros.equilibrium import Contact, Equilibrium, Status
 from cable_ros.scene import Scene
 from cable_ros.scene.kinematics import Kinematics
 from cable_ros.tracker import Tracker
 
 FINER = 4
-"""The same path is told in so many times as many poses."""
+"""Number of poses of the finer path over those of the path."""
 SAME = 0.01
 """Relative difference allowed between wrenches of one pose on the two paths."""
 SMALL = 0.05
@@ -132,12 +132,12 @@ def run_drawn(case: Case, finer: int = FINER) -> Drawn:
             )
         if finer > 1 and len(case.path) > 1:
             path = refined(case.path, finer)
-            told, _ = _solve(case, scene, path)
-            poses = _compared(poses, told, finer)
-            poses = _traced(poses, told, path, scene, kinematics)
-            first = next((i for i, one in enumerate(told) if lost(one)), None)
+            solved, _ = _solve(case, scene, path)
+            poses = _compared(poses, solved, finer)
+            poses = _traced(poses, solved, path, scene, kinematics)
+            first = next((i for i, one in enumerate(solved) if lost(one)), None)
             if first is not None:
-                return Drawn(case, poses, None, f"pose {first} of {len(told)}: {told[first].message}")
+                return Drawn(case, poses, None, f"pose {first} of {len(solved)}: {solved[first].message}")
     except Exception as raised:  # an exception is what a case must never end in
         last = traceback.extract_tb(raised.__traceback__)[-1]
         where = f"{os.path.basename(last.filename)}:{last.lineno}"
@@ -177,15 +177,15 @@ def _judged(
 ) -> Judged:  # fmt: skip
     (cable,) = scene.cables
     rod = rods(scene, kinematics, joints)[cable.name]
-    verification, fault, way = None, None, None
+    verification, fault, paths = None, None, None
     if look:
         met = surfaces(scene, kinematics, joint_values(kinematics, joints), cable.radius)
         verification, fault = judge(rod, found, case.tolerance, met)
         if found.status.name in ("OUT_OF_REACH", "NOT_CONVERGED"):
             distances = {name: surface.signed for name, surface in met.items()}
-            way = shortest(rod.start[:3], rod.end[:3], rod.length, distances)
-            fault = reach_fault(found, way, rod.length)
-    step = Step(found, rod, verification, seconds, fault, scene, way)
+            paths = path_bounds(rod.start[:3], rod.end[:3], rod.length, distances)
+            fault = reach_fault(found, paths, rod.length)
+    step = Step(found, rod, verification, seconds, fault, scene, paths)
     inconsistent = None if before is None else friction_fault(scene, kinematics, before, (found, joints))
     return Judged(index, step, look or not found.status.trusted, inconsistent)
 
@@ -252,7 +252,7 @@ def _traced(
     for i, pose in enumerate(poses[1:], start=1):
         faults = [fault for fault in steps[parts * (i - 1) : parts * i] if fault]
         if faults and pose.inconsistent is None:
-            out[i] = replace(pose, inconsistent=f"told more finely, {faults[0]}")
+            out[i] = replace(pose, inconsistent=f"in a finer path, {faults[0]}")
     return out
 
 

@@ -22,7 +22,7 @@ HEAD = (
     "no equilibrium exists, confirmed",
     "reported as not",
     "of them history lost",
-    "scenes lost told more finely",
+    "scenes lost on a finer path",
     "wrong",
     "median ms",
     "99 % ms",
@@ -130,11 +130,12 @@ def lines(drawn: Drawn) -> list[str]:
         if what in found:
             first, equilibrium = found[what][0], found[what][0].step.equilibrium
             why = first.wrong or f"{equilibrium.status.name}: {equilibrium.message}"
-            way = "" if first.step.way is None else f" Checked: {first.step.way.told(first.step.rod.length)}."
+            step = first.step
+            paths = "" if step.paths is None else f" Checked: {step.paths.describe(step.rod.length)}."
             word = "WRONG" if what == "wrong" else what
-            out.append(f"{word} {head} pose {first.index}, {len(found[what])} in all: {why}{way}")
+            out.append(f"{word} {head} pose {first.index}, {len(found[what])} in all: {why}{paths}")
     if drawn.finer_lost is not None:
-        out.append(f"lost {head} told more finely, {drawn.finer_lost}")
+        out.append(f"lost {head} on a finer path, {drawn.finer_lost}")
     return out
 
 

@@ -7,8 +7,11 @@ import os
 import platform
 from importlib import metadata
 from pathlib import Path
+from xml.etree import ElementTree
 
-PACKAGES = ("numpy", "scipy", "numba", "cable_ros")
+from cable_ros.share import PACKAGE, share_file
+
+PACKAGES = ("numpy", "scipy", "numba")
 
 
 def describe() -> dict[str, str]:
@@ -24,7 +27,13 @@ def describe() -> dict[str, str]:
             facts[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
             facts[package] = "not installed"
+    facts[PACKAGE] = _version()
     return facts
+
+
+def _version() -> str:
+    """Of this package, also if it runs from its source tree."""
+    return ElementTree.parse(share_file("package.xml")).getroot().findtext("version", "unknown")
 
 
 def _processor() -> str:

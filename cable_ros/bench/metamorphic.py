@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What must not change an answer: the last bits of the joints, and into how many states a path is told.
+"""What must not change an answer: the last bits of the joints, and into how many states a path is divided.
 
 No reference is needed: two answers of the same tracker are compared. Both take cases as they are listed
 elsewhere, and leave out what is not trusted on either side, which is counted by itself.
@@ -24,7 +24,7 @@ DIGIT = 1e-12
 TOLERANCES = 10.0
 """Wrenches may then differ by so many tolerances: twice what both may be off, and room for what is soft."""
 SAME = 0.01
-"""Relative difference allowed between wrenches at the end of one path told in other states."""
+"""Relative difference allowed between wrenches at the end of one path in other states."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Rounded:
     def add(self, case: Case, seed: int) -> None:
         first, second = follow(case), follow(nudged(case, seed))
         self.scenes += 1
-        told = False
+        reported = False
         for i, (a, b) in enumerate(zip(first.found, second.found, strict=True)):
             self.poses += 1
             why = ""
@@ -101,9 +101,9 @@ class Rounded:
                 if not change <= TOLERANCES:
                     self.far += 1
                     why = f"wrench changed by {change:.1e} tolerances"
-            if why and not told:
+            if why and not reported:
                 self.lines.append(f"{case.name.replace(' ', ':')} pose {i}: {why} [{case.expected}]")
-                told = True
+                reported = True
 
     @property
     def share(self) -> float:
@@ -112,7 +112,7 @@ class Rounded:
 
 
 def in_states(corners: Sequence[Pose], states: int) -> list[Pose]:
-    """A path through `corners`, each leg of which is told in `states` states, both ends counted."""
+    """A path through `corners`, each leg of which has `states` states, both ends counted."""
     return _legs(corners, np.linspace(0.0, 1.0, states)[1:])
 
 
@@ -134,7 +134,7 @@ def _legs(corners: Sequence[Pose], parts: np.ndarray) -> list[Pose]:
 
 @dataclass(frozen=True)
 class Telling:
-    """One way of telling a path."""
+    """One division of a path into states."""
 
     name: str
     path: Callable[[Sequence[Pose]], list[Pose]]
@@ -152,7 +152,7 @@ def tellings(
 
 @dataclass
 class Stepped:
-    """What became of the end of paths that were told in one way."""
+    """What became of the end of paths that were divided in one way."""
 
     paths: int = 0
     states: int = 0
@@ -169,11 +169,11 @@ class Stepped:
 def step_all(
     case: Case, corners: Sequence[Pose], ways: Sequence[Telling], counts: dict[str, Stepped]
 ) -> list[str]:
-    """Lead a case's cable through `corners` in all `ways`, count the outcomes, and tell what differs."""
-    told = {way.name: follow(case, way.path(corners)) for way in ways}
-    last = told[ways[-1].name]
+    """Lead a case's cable through `corners` in all `ways`, count the outcomes, and report what differs."""
+    results = {way.name: follow(case, way.path(corners)) for way in ways}
+    last = results[ways[-1].name]
     why = []
-    for name, one in told.items():
+    for name, one in results.items():
         count = counts.setdefault(name, Stepped())
         count.paths += 1
         count.states += len(one.found)

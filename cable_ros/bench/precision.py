@@ -5,9 +5,9 @@ The error of a wrench is the larger of |difference| / |reference| of its force a
 come from `solve_bvp` at a tolerance of 1e-10 (1e-7 outside the diagram itself), started at our tightest
 solution so that they are on its branch; how far the two agree is reported. Where a cable touches obstacles
 they come from `verification`, which integrates the rod's equations beside that solution and finds the contact
-forces anew: point contacts are then known to 1e-9, patches, whose pressure it takes as many forces, to 1e-5,
-friction as it is told. Times are medians over poses, methods taking turns in blocks of consecutive poses, so
-that a slow spell of the machine hits all of them.
+forces again: point contacts are then known to 1e-9, patches, whose pressure it takes as many forces, to 1e-5;
+friction is taken as reported. Times are medians over poses. Methods take turns in blocks of successive poses,
+so that a slow spell of the machine hits all of them.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from cable_ros.bench.methods import Method, OurTracker, Outcome, PlainBvp, Pose,
 from cable_ros.bench.verification import verify
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.scene import Kinematics, Scene
+from cable_ros.scene.joint_limits import JointLimits
 from cable_ros.scene.text import parse_yaml
 from cable_ros.tracker import Tracker
 
@@ -79,7 +80,7 @@ QUICK = Size(
     cables=(1, 4),
 )
 STEPS = (1 / 900, 1 / 360, 1 / 90, 1 / 36, 1 / 12, 1 / 4, 1 / 2)
-"""Joint steps as parts of the whole path: 0.2 to 90 deg of 180 deg."""
+"""Joint steps as fractions of the whole path: 0.2 to 90 deg of 180 deg."""
 
 
 @dataclass(frozen=True)
@@ -210,11 +211,14 @@ class Bench:
         """The default tolerance at ever larger joint steps, to and fro between the ends of the path."""
         ends = self.whole[0], self.whole[-1]
         reach = float(np.max(np.abs(ends[1] - ends[0]), initial=0.0))
+        joints = JointLimits(self.scene, Kinematics(self.scene).joint_names).joints
+        slide = all(joint.unit == "m" for joint in joints)
+        scale, unit = (1e3, "mm") if slide else (math.degrees(1.0), "deg")
         for part in STEPS if reach > 0 else ():
             count = min(self.size.poses, 120)
             fraction = 1 - np.abs(1 - np.mod(part * np.arange(count), 2))  # a triangle wave from 0 to 1
             path = ends[0] + fraction[:, None] * (ends[1] - ends[0])
-            label = f"{math.degrees(part * reach):.3g} deg"
+            label = f"{part * reach * scale:.3g} {unit}"
             yield from self._ours("step", label, part * reach, self.scene, path)
 
     def cables(self) -> Iterator[Row]:
@@ -287,8 +291,8 @@ class Bench:
         radii = {cable.name: cable.radius for cable in scene.cables}
         for (name, rod), start in zip(rods(scene, kinematics, joints).items(), starts, strict=True):
             met = surfaces(scene, kinematics, values, radii[name])
-            told = sorted(touches(rod, met, equilibria[name]), key=lambda touch: touch.place)
-            found = verify(rod, equilibria[name], told)
+            reported = sorted(touches(rod, met, equilibria[name]), key=lambda touch: touch.place)
+            found = verify(rod, equilibria[name], reported)
             difference = relative_wrench_error(found.end_wrench, start.end_wrench)
             if found.converged and difference < BESIDE:
                 self.verified += 1

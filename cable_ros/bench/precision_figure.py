@@ -58,13 +58,15 @@ def figure(rows: Sequence[Row], title: str, facts: Mapping[str, str]) -> Figure:
         effects, gravity, steps, cables = halves[1].subplots(1, 4)
         _bars(effects, [row for row in rows if row.panel == "effect"])
         _curves(gravity, rows, "gravity", "weight w L³/EI", "Weight")
-        _curves(steps, rows, "step", "joint step (deg)", "Joint step", math.degrees(1.0))
+        slides = any(row.panel == "step" and row.setting.endswith("mm") for row in rows)
+        unit, scale = ("mm", 1e3) if slides else ("deg", math.degrees(1.0))
+        _curves(steps, rows, "step", f"joint step ({unit})", "Joint step", scale)
         _curves(cables, rows, "cables", "cables in the scene", "Number of cables")
         about = ", ".join(f"{name} {fact}" for name, fact in facts.items() if name != "references")
         picture.supxlabel(
             "Below: cable_ros at its default tolerance of 1e-4, and solve_bvp, if shown, at 1e-3; warm. "
             "Medians of the time per equilibrium, one thread.\n"
-            f"References: {facts.get('references', '')}. {about}.",
+            f"References: {facts.get('references', '')}.\n{about}.",
             x=0.01,
             ha="left",
             fontsize=8.5,
@@ -82,7 +84,9 @@ def _diagram(axes: Axes, rows: Sequence[Row], panel: str, title: str) -> None:
         seconds, errors = [row.seconds for row in mine], [row.error for row in mine]
         axes.plot(seconds, errors, " " if wanders else "-", marker="o", markersize=5, color=colour)
         _label_points(axes, mine, colour)
-        index, offset, across, up = PLACES.get((panel, method), (0, (0, 9), "center", "bottom"))
+        alone = all(row.method == method for row in rows if row.panel == panel)
+        above = 0, (0, 9), "center", "bottom"
+        index, offset, across, up = above if alone else PLACES.get((panel, method), above)
         anchor = mine[min(index, len(mine) - 1)]
         axes.annotate(
             NAMES[method],
@@ -101,7 +105,9 @@ def _diagram(axes: Axes, rows: Sequence[Row], panel: str, title: str) -> None:
     axes.set_xlabel("median time per equilibrium")
     low, high = axes.get_xlim()
     axes.set_xlim(10 ** math.floor(math.log10(low)), 10 ** math.ceil(math.log10(high)))
-    axes.set_ylim(top=300.0)
+    errors = [row.error for row in rows if row.panel in ("warm", "cold") and row.error > 0]
+    if errors:
+        axes.set_ylim(0.2 * min(errors), 300.0 if max(errors) > 0.1 else 10.0 * max(errors))
     axes.yaxis.set_major_locator(LogLocator(10.0, numticks=8))
     axes.xaxis.set_major_formatter(FuncFormatter(_seconds))
     axes.xaxis.set_minor_formatter(NullFormatter())
@@ -126,6 +132,7 @@ def _label_points(axes: Axes, rows: Sequence[Row], colour: str) -> None:
             fontsize=8,
             color=colour,
             fontweight="bold" if default else "normal",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5},
         )
 
 

@@ -129,10 +129,11 @@ def _run_one(args: argparse.Namespace) -> int:
 
 
 def _reason(step: Step) -> str:
-    """Why there is no answer, where there is none, and what ways there are past the obstacles."""
+    """Why there is no answer, where there is none, and how long paths past the obstacles are."""
     if step.equilibrium.status.trusted:
         return ""
-    return step.equilibrium.message + (f" Checked: {step.way.told(step.rod.length)}." if step.way else "")
+    checked = f" Checked: {step.paths.describe(step.rod.length)}." if step.paths else ""
+    return step.equilibrium.message + checked
 
 
 def _touched(found: Equilibrium) -> str:
@@ -204,8 +205,8 @@ class Tally:
         for before, after in pairwise(outcome.steps):
             if _hidden_jump(before, after):
                 self.wrong.append((outcome.case, "the shape jumped without a report of a snap"))
-        told = self.wrong + self.reported + self.impossible
-        if not outcome.passed and not any(case is outcome.case for case, _ in told):
+        listed = self.wrong + self.reported + self.impossible
+        if not outcome.passed and not any(case is outcome.case for case, _ in listed):
             self.wrong.append((outcome.case, outcome.fault or ""))
 
     @property

@@ -104,8 +104,8 @@ def verify(
     touches = apart(touches)
     tries = [refine(rod, *claimed, touches, iterations=iterations)]
     if any(touch.slides for touch in touches) and not tries[0].converged:
-        told = [replace(touch, slides=False) for touch in touches]
-        tries.append(refine(rod, *claimed, told, iterations=iterations))
+        sticking = [replace(touch, slides=False) for touch in touches]
+        tries.append(refine(rod, *claimed, sticking, iterations=iterations))
     if not touches and claim.stability_margin < NEUTRAL_MARGIN:
         tries.append(refine(rod, *claimed, iterations=iterations, neutral=True))
     return min(tries, key=lambda one: one.wrench_error)
@@ -117,7 +117,7 @@ length, one holds."""
 
 
 def apart(touches: Sequence[Touch]) -> list[Touch]:
-    """Touches that hold the rod, at some distance from each other; those in between keep the forces told.
+    """Touches that hold the rod, at some distance from each other; those in between keep the reported forces.
 
     The rod can hardly tell apart the forces of points side by side on one surface, so they cannot be found
     one by one; those on two surfaces it can, and two that pinch it may only stand both. Those that stand

@@ -57,6 +57,7 @@ class Loss:
         since_search = self.since_search + motion
         if slips and step and self.since_slip >= 0.0:
             return replace(self, since_slip=self.since_slip + motion, since_search=since_search)
+        # some point sticks or has just begun to slip, maybe within the step: the count starts again
         before_slip = self.before_slip + max(self.since_slip, 0.0) + motion
         return replace(
             self, before_slip=before_slip, since_slip=0.0 if slips else -1.0, since_search=since_search

@@ -315,5 +315,6 @@ def _largest_difference(a: np.ndarray, b: np.ndarray) -> float:
     """Largest difference of two arrays (n,); in Python, which is faster for a few joints."""
     out = 0.0
     for x, y in zip(a.tolist(), b.tolist(), strict=True):
-        out = max(out, abs(x - y))
+        if abs(x - y) > out:
+            out = abs(x - y)
     return out

@@ -112,11 +112,7 @@ def _contacts(rod: Rod, moved: Motion) -> Support:
 
 
 def _grid(rod: NodalRod, moved: Motion) -> Support:
-    """The support by contacts at fixed material points.
-
-    One contact, or two neighbours, are one contact point between them, which moves along the cable to the
-    gap's minimum. Two separate constraints would fix the slope as well.
-    """
+    """The support by contacts at fixed material points: patches, and short runs that are one point each."""
     boundaries, obstacles, springs = rod.contact_stiffness()
     values, axes = np.linalg.eigh(springs)
     number = {pair: i for i, pair in enumerate(zip(boundaries.tolist(), obstacles.tolist(), strict=True))}
@@ -124,25 +120,45 @@ def _grid(rod: NodalRod, moved: Motion) -> Support:
     rows, stiffness = [np.zeros((0, J.shape[2]))], [np.zeros(0)]
     for o in range(pressure.shape[1]):
         for run in _runs(np.flatnonzero(pressure[:, o] > 0.0)):
-            force = pressure[run, o]
-            whole = float(force.sum())
-            if len(run) > PAIR:
-                for k in run.tolist():
-                    i = number[k, o]
-                    rows.append(axes[i].T @ J[k])
-                    stiffness.append(values[i])
+            if len(run) <= PAIR:
+                i = number[int(run[np.argmax(pressure[run, o])]), o]
+                more = _one_point(rod, moved, run, o, values[i], axes[i])
+                rows += more[0]
+                stiffness += more[1]
                 continue
-            share = force / whole
-            i = number[int(run[np.argmax(force)]), o]
-            rows.append(axes[i].T @ np.einsum("k,kan->an", share, J[run]))
-            stiffness.append(np.where(values[i] > RIGID, values[i], values[i] * whole / force.max()))
-            slopes, curvatures = zip(*(_slope(rod, moved, int(k), o) for k in run), strict=True)
-            rows.append((share @ np.array(slopes))[None])
-            stiffness.append(np.array([whole / max(float(share @ np.array(curvatures)), FLAT)]))
+            for k in run.tolist():
+                i = number[k, o]
+                rows.append(axes[i].T @ J[k])
+                stiffness.append(values[i])
     every, values = np.concatenate(rows), np.concatenate(stiffness)
     rigid = values > RIGID
     soft = every[~rigid]
     return every[rigid], (soft.T * values[~rigid]) @ soft
+
+
+def _one_point(
+    rod: NodalRod, moved: Motion, run: np.ndarray, o: int, values: np.ndarray, axes: np.ndarray
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Rows (r, N) and stiffnesses (r,) of neighbouring contacts that are one contact point between them.
+
+    The point moves along the cable to the gap's minimum, which gives the slope there a finite stiffness. Two
+    separate constraints would fix the slope.
+
+    Args:
+        rod, moved: see `modes`.
+        run: (1 or 2,) the boundaries with these contacts.
+        o: the obstacle.
+        values, axes: (3,), (3, 3) stiffnesses, and axes in columns, of the contact with the larger force.
+    """
+    force = rod.state.lam[run, o]
+    whole = float(force.sum())
+    share = force / whole
+    across = axes.T @ np.einsum("k,kan->an", share, moved.starts[run])
+    slopes, curvatures = zip(*(_slope(rod, moved, int(k), o) for k in run), strict=True)
+    # the spring of one contact carries its own force only
+    springs = np.where(values > RIGID, values, values * whole / force.max())
+    tilt = np.array([whole / max(float(share @ np.array(curvatures)), FLAT)])
+    return [across, (share @ np.array(slopes))[None]], [springs, tilt]
 
 
 def _runs(at: np.ndarray) -> list[np.ndarray]:

@@ -173,12 +173,12 @@ class TrackedEquilibrium(CableModel):
             # two points can have approached by that much since the last check
             self._apart = self._closest_approach(poses[0])
         error = self._error
-        if error > self._limit:
+        if error > self.tolerance and error > self._limit:  # mostly it meets the tolerance
             return self.failed(Status.NOT_CONVERGED, COARSE.format(error), time.perf_counter() - begin)
         if rod.forgot:
             self._lose("friction was forgotten when the mesh changed")
         status, message = self._verdict(status, message, error)
-        return self._result(status, message, iterations, poses, begin)
+        return self._result(status, message, error, iterations, poses, begin)
 
     def _refine(self, rod: Rod) -> tuple[int, str]:
         """Estimate the error of a rod without a grid, and refine its mesh until it meets the tolerance.
@@ -223,7 +223,7 @@ class TrackedEquilibrium(CableModel):
         return status, message if self.choice is None else message + self.choice.note
 
     def _result(
-        self, status: Status, message: str, iterations: int, poses: np.ndarray, begin: float
+        self, status: Status, message: str, error: float, iterations: int, poses: np.ndarray, begin: float
     ) -> Equilibrium:
         """The present equilibrium as it is published; `poses` (2, 7): where its ends are held."""
         rod, unit = self._rod, self._units
@@ -239,11 +239,11 @@ class TrackedEquilibrium(CableModel):
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
             points=points, orientations=orientations, total_twist=self._twist,
             energy=float(rod.totals[ENERGY]) * unit.moment + self._datum(rod, poses),
-            error_estimate=self._error, iterations=iterations, solve_time=time.perf_counter() - begin,
+            error_estimate=error, iterations=iterations, solve_time=time.perf_counter() - begin,
             overlaps=(Overlap(self.name, self._apart, self._diameter),) if meets else (),
             _tangent=results.Tangent(rod, self._q, self._F, unit, self._names, start, self._density),
             _mounts=None if self._ends is None else poses[:, 3:].copy(),
-            _touching=results.touching(rod, self._names, start, unit),
+            _touching=None if rod.obstacles is None else results.touching(rod, self._names, start, unit),
         )  # fmt: skip
 
     def _onto_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:

@@ -152,7 +152,7 @@ def count(text: str) -> int:
 
 
 def joint_values(args: argparse.Namespace, needed: Iterable[str]) -> dict[str, float]:
-    """The values of --joint and --pose by name, one for each needed joint; those not named are 0, and told.
+    """The values of --joint and --pose by name, one for each needed joint. Others are 0, and reported.
 
     Raises:
         CommandError: a joint is given twice or moves no cable (a misspelt name), or the file holds no pose.

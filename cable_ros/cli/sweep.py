@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         dict(zip(names, values, strict=True))
         for values in itertools.product(*(values.tolist() for _, values in args.vary))
     ]
-    scenes = [vary(scene, variant) for variant in variants]  # every mistake is told before the first solve
+    scenes = [vary(scene, variant) for variant in variants]  # reports every mistake before the first solve
     needed = Kinematics(scene).joint_names
     check_names([name for name, _ in args.joint], needed)
     resting = not_named(args.command, [name for name, _ in args.joint], needed)

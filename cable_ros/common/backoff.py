@@ -38,4 +38,5 @@ class Backoff:
 
     def shorten(self) -> None:
         """One turn less the next time."""
-        self._next = max(self._next - 1, 0)
+        if self._next:
+            self._next -= 1

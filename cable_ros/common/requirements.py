@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What Ubuntu 24.04 has no package of: told in one sentence before an import of it fails."""
+"""What Ubuntu 24.04 has no package of: reported in one sentence before an import of it fails."""
 
 from __future__ import annotations
 

@@ -11,9 +11,9 @@ import numpy as np
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.assembly import nodal
 from cable_ros.contact.contact_entry_points import assemble_kkt, point_forces
-from cable_ros.contact.detection import dips, scan
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
+from cable_ros.contact.gap_search import dips, scan
 from cable_ros.contact.meshing import suited
 from cable_ros.contact.patches import inside
 from cable_ros.contact.points import (

@@ -7,8 +7,8 @@ import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.contact_entry_points import lowest
-from cable_ros.contact.detection import press
 from cable_ros.contact.friction_kernels import FRICTIONLESS
+from cable_ros.contact.gap_search import press
 from cable_ros.contact.patches import grounded
 from cable_ros.contact.points import (
     ARC_LENGTH,

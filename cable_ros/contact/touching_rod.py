@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
-from cable_ros.contact.detection import passage
 from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.gap_search import passage
 from cable_ros.contact.meshing import CLOSEST
 from cable_ros.contact.patch_ends import join
 from cable_ros.contact.patches import resample

@@ -25,6 +25,8 @@ RECORD_COST = 200
 
 _HEADER = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+PRIVATE = 0x80
+"""Least opcode of a record that is no part of the MCAP specification, and is left out."""
 _LAST_TIME = (1 << 63) - 1  # ns; times that fit into a signed number, as ROS has them
 
 
@@ -165,11 +167,12 @@ def _check_message(data: bytes, position: int, length: int) -> tuple[int, int, i
 
 
 def _records(data: bytes) -> Iterator[records.McapRecord]:
+    """The records of an uncompressed chunk, without private ones."""
     position = 0
     while position < len(data):
         opcode, length = _HEADER.unpack_from(data, position)
         position += _HEADER.size
-        if opcode < 0x80:
+        if opcode < PRIVATE:
             body = data[position : position + length]
             if opcode == Opcode.MESSAGE:
                 yield message(body)

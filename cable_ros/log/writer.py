@@ -221,7 +221,7 @@ class LogWriter:
         self._open = False
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do some of the writing; what fails ends the log, and is told by `error`."""
+        """Do some of the writing; a failure ends the log, and is in `error`."""
         try:
             work()
             return

@@ -357,7 +357,7 @@ def main(args: Sequence[str] | None = None) -> int:
             lifetime.started(node, node.close)
             node.open()
             rclpy.spin(node)
-    except (ParameterError, SceneError):  # told
+    except (ParameterError, SceneError):  # reported already
         return 2
     return leave(0)
 

@@ -67,7 +67,7 @@ class CableOutputs:
         self._path_message = PathMessage(frames.world, polyline_points)
         self.worst: Equilibrium | None = None
         """The result of the highest diagnostic level since the last diagnostics."""
-        self._told: Equilibrium | None = None
+        self._last: Equilibrium | None = None
 
     @property
     def outlets(self) -> tuple[Outlet, ...]:
@@ -76,7 +76,7 @@ class CableOutputs:
         return always if self.limits is None else (*always, self.limits)
 
     def note(self, equilibrium: Equilibrium) -> None:
-        """Remember a result for the diagnostics; the worst one is told, later ones otherwise."""
+        """Remember a result for the diagnostics; the worst one is reported, otherwise the last."""
         if self.worst is None or _severity(equilibrium) >= _severity(self.worst):
             self.worst = equilibrium
 
@@ -109,8 +109,8 @@ class CableOutputs:
         A cable that nobody asks about is as well as it was.
         """
         name = f"{prefix}: {self.cable.name}"
-        equilibrium, since = self.worst or self._told, "" if self.worst else " Nothing solved since."
-        self.worst, self._told = None, equilibrium
+        equilibrium, since = self.worst or self._last, "" if self.worst else " Nothing solved since."
+        self.worst, self._last = None, equilibrium
         if equilibrium is None:
             return diagnostic(name, DiagnosticStatus.STALE, "Nothing solved yet.", {}, hardware_id)
         overlaps = [

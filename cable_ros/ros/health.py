@@ -16,7 +16,7 @@ _SILENCE = 1.0
 
 
 class Health:
-    """Collects what went wrong between two reports, so that a single bad message is told as well.
+    """Collects what went wrong between two reports, so that a single bad message is reported, too.
 
     Args:
         node: its full name, that no other node has: entries are named after it, and it is their hardware_id.
@@ -31,7 +31,7 @@ class Health:
         self._last_message = time.monotonic()
 
     def note(self, sentence: str) -> None:
-        """Something was wrong; told in the next report."""
+        """Something was wrong; the next report says so."""
         self._fault = sentence
 
     def heard(self) -> None:
@@ -41,7 +41,7 @@ class Health:
     def joint_states(
         self, states: JointStates | None, waiting: str, refused: bool, publishers: int
     ) -> DiagnosticStatus:
-        """The entry of the joint states; what was noted is told and then forgotten.
+        """The entry of the joint states; what was noted is reported and then forgotten.
 
         Args:
             states: None while the scene waits for its robot or the compiler.

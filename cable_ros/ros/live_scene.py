@@ -81,7 +81,7 @@ class LiveScene:
 
     @property
     def joint_limits(self) -> str:
-        """The tracker's; where it is not to ignore them, jumps of joints are told as well."""
+        """The tracker's; where it is not to ignore them, jumps of joints are reported, too."""
         return self.tracker.joint_limits
 
     @joint_limits.setter
@@ -191,7 +191,7 @@ class LiveScene:
                 warning = swing.warning
             out.append(cable.status(prefix, self.hardware_id, also, warning))
         if self._quasi_static is not None:
-            self._quasi_static.told()
+            self._quasi_static.reported()
         return out
 
     def attachments(self, parameters: str) -> Mapping[str, str]:

@@ -26,7 +26,7 @@ class Outbox:
         self._node = node
         self._events = Outlet(node.resolve_topic_name(f"~/{events.EVENTS}"), events.STRING, STREAM, None)
         self._sent: list[tuple[Outlet, bytes]] = []
-        self._told = ""
+        self._reported = ""
         self._latched: dict[str, tuple[Outlet, bytes]] = {}
 
     def _now(self) -> int:
@@ -49,10 +49,10 @@ class Outbox:
             for outlet, data in self._sent:
                 self.recorder.write(outlet, data, log_time, publish_time)
             self._sent.clear()
-        if self.recorder.problem != self._told:  # the disk is full, or gone: once into the node's own log
-            self._told = self.recorder.problem
-            if self._told:
-                self._node.get_logger().error(self._told)
+        if self.recorder.problem != self._reported:  # the disk is full, or gone: once into the node's own log
+            self._reported = self.recorder.problem
+            if self._reported:
+                self._node.get_logger().error(self._reported)
 
     def event(self, event: str, **values: Any) -> None:
         """Log what is needed, besides the joints, to solve the run again bit for bit."""
@@ -77,7 +77,7 @@ class Outbox:
         everything = [self._events, *(outlet for outlet, _ in latched), *outlets]
         self.recorder.start(path, settings, attachments, {"host": host_facts()}, everything)
         if problem := self.recorder.problem:
-            self._told = problem
+            self._reported = problem
             self._node.get_logger().error(problem)
             return False
         self._node.get_logger().info(f"Writing the log {path}.")

@@ -66,7 +66,7 @@ DECLARATIONS = (
     Declaration(
         "joint_limits",
         WARN,
-        "Joint values outside the URDF's limits: warn (solved and told), refuse (not solved) or ignore.",
+        "Joint values outside the URDF's limits: warn (solved and reported), refuse (not solved) or ignore.",
         live=True,
     ),
     Declaration(

@@ -12,7 +12,7 @@ import numpy as np
 from cable_ros.equilibrium import Equilibrium
 
 MOST_SWING = 0.01
-"""Maximum swing that is not told, fraction of the cable's length."""
+"""Maximum swing that is not reported, fraction of the cable's length."""
 PARTS = 8
 """The acceleration is taken over a period of the lowest vibration by this number, twice."""
 LONGEST = 1.0
@@ -101,7 +101,7 @@ class QuasiStatic:
                     self._swings[name].frequency = float(found.modes(1).frequencies[0])
         return self._swings
 
-    def told(self) -> None:
+    def reported(self) -> None:
         """Look for the largest acceleration from here on."""
         for swing in self._swings.values():
             swing.acceleration = 0.0

@@ -139,7 +139,7 @@ def log_path(wanted: str, node: str, default_folder: str) -> Path:
     """
     path = Path(os.path.expanduser(wanted or default_folder))
     if not wanted:
-        with contextlib.suppress(OSError):  # told when the log is begun
+        with contextlib.suppress(OSError):  # reported when the log is begun
             path.mkdir(parents=True, exist_ok=True)
     if path.suffix != ".mcap":
         path /= f"{node.replace('/', '_')}_{time.strftime('%Y%m%d-%H%M%S')}.mcap"

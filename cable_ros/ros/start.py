@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executables that have a node: what is missing is told in a sentence, not by an import that fails."""
+"""The executables that have a node: a sentence says what is missing, not an import that fails."""
 
 from __future__ import annotations
 

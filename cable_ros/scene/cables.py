@@ -120,7 +120,7 @@ CABLE = (
     ),
     Field(
         "limits", "mapping", "some of {bend_radius: m, tension: N, torsion: rad/m, clearance: m}",
-        "What the cable stands: told from 80 % on, an error beyond.", "{bend_radius: 0.04, tension: 20}",
+        "What the cable stands: a warning from 80 % on, an error beyond.", "{bend_radius: 0.04, tension: 20}",
         default=None, absent="none", inner=CABLE_LIMITS,
     ),
     Field(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a mistake in a scene is told."""
+"""The error that reports a mistake in a scene."""
 
 from __future__ import annotations
 

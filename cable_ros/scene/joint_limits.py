@@ -12,7 +12,7 @@ from cable_ros.scene.urdf import joint_elements, number_of
 
 WARN, REFUSE, IGNORE = "warn", "refuse", "ignore"
 MODES = (WARN, REFUSE, IGNORE)
-"""What is done with a joint value outside: solved and told; told and not solved; or solved as any other."""
+"""A joint value outside is solved and reported, or reported and not solved, or solved as any other."""
 
 SLACK = 1e-3
 """rad or m; how far beyond its end a sensor may see a joint that rests there."""
@@ -61,11 +61,12 @@ class JointLimits:
 
     def __init__(self, scene: Scene, names: Sequence[str]) -> None:
         self.joints = _read(scene, names)
-        self._inner = [(one.lower - SLACK, one.upper + SLACK) for one in self.joints]
+        self._lower = [one.lower - SLACK for one in self.joints]
+        self._upper = [one.upper + SLACK for one in self.joints]
 
     def beyond(self, values: Sequence[float]) -> str:
         """Sentences about those of the values, one for each joint, that are outside; mostly none."""
-        for value, (lower, upper) in zip(values, self._inner, strict=True):
+        for lower, value, upper in zip(self._lower, values, self._upper, strict=True):
             if not lower <= value <= upper:
                 pairs = zip(self.joints, values, strict=True)
                 return " ".join(filter(None, (one.beyond(each) for one, each in pairs)))

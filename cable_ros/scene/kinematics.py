@@ -114,7 +114,7 @@ class Kinematics:
 
         Positions, quaternions and `q` as in `poses`.
         """
-        return self._update(self._obstacles, q)[self._carrier]
+        return self._update(self._obstacles, q).take(self._carrier, 0)
 
     def obstacle_jacobians(self, q: np.ndarray) -> np.ndarray:
         """Velocity (n_obstacles, 6, n_joints) of the origin of each obstacle's link per joint rate.

@@ -209,7 +209,7 @@ def _robot(top: Section, path: Path | None, urdf: str | None, meshes: bool) -> R
 
 
 def _dumpable(values: Any) -> Any:
-    """A mapping that YAML can hold, for the scene's text; what is wrong with it is told by the sections."""
+    """A mapping that YAML can hold, for the scene's text; the sections report what is wrong with it."""
     if isinstance(values, Mapping):
         return {
             key if isinstance(key, str) else describe(key): _dumpable(value) for key, value in values.items()

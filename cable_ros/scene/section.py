@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Typed reading of one mapping of a scene, every mistake told with its place."""
+"""Typed reading of one mapping of a scene, every mistake reported with its place."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cable_ros.bench.cases import Case, answered, case_scene
-from cable_ros.bench.drawn import drawn_case, refined, told
+from cable_ros.bench.drawn import divided, drawn_case, refined
 from cable_ros.bench.drawn_judge import friction_fault, run_drawn
 from cable_ros.bench.drawn_scenes import KINDS
 from cable_ros.bench.drawn_table import ALL, HEAD, count, kind, lines
@@ -67,7 +67,7 @@ def test_most_drawn_cables_touch_something() -> None:
 def test_a_finer_path_goes_through_the_same_poses() -> None:
     case = drawn("hose", friction=True, most=40)
     assert refined(case.path, 4)[::4] == tuple(case.path)
-    again = told(corners(case), len(case.path))
+    again = divided(corners(case), len(case.path))
     assert [list(pose) for pose in again] == [list(pose) for pose in case.path]
     values = [[list(pose.values()) for pose in path] for path in (again, case.path)]
     assert values[0] == pytest.approx(np.array(values[1]), abs=1e-12)

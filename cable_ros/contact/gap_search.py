@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled: the gap along the cable: at samples, its minima between them, and what a step passes through.
+
+Units of the cable, start clamp's frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import INNER, LEAF, njit
+from cable_ros.contact.contact_state import shape_of, surface
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, gap
+from cable_ros.contact.interfaces import gap_at, lowest
+from cable_ros.contact.points import (
+    FORCE,
+    LENGTH,
+    NUMBER,
+    POINT,
+    SAMPLE,
+    add,
+)
+from cable_ros.rod.centreline import curve, position
+from cable_ros.rod.rod_state import grid_of
+
+OPTIONS = {"cache": True, "error_model": "numpy"}
+
+AWAY = 1.0
+"""Gap below which it is evaluated exactly, in spacings of the samples."""
+LEVEL = 1e-9
+"""Maximum slope of a clamp that lies along a surface, rad: rounding."""
+
+
+@njit(**OPTIONS)
+def scan(c, h, s0, samples, obstacles, phi):
+    """Gaps at the samples; returns the smallest at the inner ones.
+
+    What is farther off than AWAY may have a smaller number, which is safe: the curve has unit speed.
+
+    Args:
+        c: (m, g + 1, 3) of `Shape`.
+        h, s0: of `Grid`.
+        samples: (k,) arc lengths, L.
+        obstacles: (o, WIDTH).
+        phi: (o, k) receives the gaps, L.
+    """
+    r, n = np.empty(3), np.empty(3)
+    directions, bends = np.empty((2, 3)), np.empty(2)
+    smallest, m = np.inf, samples.shape[0]
+    away = AWAY * (samples[m - 1] - samples[0]) / (m - 1)
+    for o in range(obstacles.shape[0]):
+        last, value = 0.0, -np.inf
+        for k in range(m):
+            least = value - (samples[k] - last)
+            if least > away:
+                phi[o, k] = least
+            else:
+                position(c, h, s0, samples[k], r)
+                value, last = gap(obstacles[o], r, n, directions, bends), samples[k]
+                phi[o, k] = value
+            if 0 < k < m - 1:
+                smallest = min(smallest, phi[o, k])
+    return smallest
+
+
+@njit(**OPTIONS)
+def press(shape, samples, obstacles, points, phi, stiffness, minima):
+    """Put a contact point on a spring at the minimum gap of each sample's cell; returns their number.
+
+    With springs at the samples themselves, an edge between two of them would hold the cable. The energy of
+    the minimum is continuous, and its gradient is that at a fixed arc length (envelope theorem).
+
+    Args:
+        shape: `Shape`, as a plain tuple.
+        samples, obstacles, phi: as in `scan`.
+        points: (CAPACITY, COLUMNS) the contact points, overwritten.
+        stiffness: of the springs per length, EI / L^4.
+        minima: whether at the minimum; else at the sample.
+    """
+    shape, at = shape_of(shape), surface()
+    scan(shape.c, shape.grid.h, shape.grid.s0, samples, obstacles, phi)
+    count = 0
+    for o in range(obstacles.shape[0]):
+        for k in range(1, samples.shape[0] - 1):
+            low, high = 0.5 * (samples[k - 1] + samples[k]), 0.5 * (samples[k] + samples[k + 1])
+            if phi[o, k] >= (0.5 * (high - low) if minima else 0.0):
+                continue
+            s, depth = samples[k], -phi[o, k]
+            if minima:
+                s = minimum_between(shape, low, high, obstacles[o], at)
+                depth = -gap_at(shape, s, obstacles[o], at)[0]
+                phi[o, k] = min(phi[o, k], -depth)
+            if depth > 0.0 and count < points.shape[0]:
+                # the minimum moves with the shape, which the row of a point's slope takes into account
+                count = add(points, count, o, s, POINT if minima and low < s < high else SAMPLE)
+                points[count - 1, LENGTH], points[count - 1, NUMBER] = high - low, k
+                points[count - 1, FORCE] = stiffness * (high - low) * depth
+    return count
+
+
+@njit(**INNER)
+def minimum_between(shape, low, high, obstacle, at):
+    """Arc length of the smallest gap between two arc lengths, if there is one minimum at most.
+
+    Args:
+        shape: `Shape`.
+        low, high: the arc lengths, L.
+        obstacle: (WIDTH,).
+        at: `Surface`, overwritten.
+    """
+    if gap_at(shape, low, obstacle, at)[1] >= 0.0:
+        return low
+    if gap_at(shape, high, obstacle, at)[1] <= 0.0:
+        return high
+    return lowest(shape, 0.5 * (low + high), 0.5 * (high - low), obstacle)
+
+
+@njit(**LEAF)
+def far(samples, k, phi):
+    """Whether nothing nearer to sample k than to others can touch: the curve has unit speed.
+
+    Args:
+        samples: (m,) arc lengths, L.
+        k: a sample.
+        phi: (m,) gaps at the samples, L.
+    """
+    before = samples[k] - samples[k - 1]
+    after = samples[k + 1] - samples[k]
+    return phi[k] > max(
+        before if k == 1 else 0.5 * before, after if k == samples.shape[0] - 2 else 0.5 * after
+    )
+
+
+@njit(**INNER)
+def minimum_beside(shape, samples, k, obstacle, down):
+    """Arc length of a minimum of the gap that is nearer to sample k than to others; -1: none.
+
+    Two edges side by side have a minimum each, which the gaps at the samples may not show: its slopes do.
+    Returned, too, is the slope half way to the next sample. Only for a sample that is not `far`.
+
+    Args:
+        shape: `Shape`.
+        samples: (m,) arc lengths, L.
+        k: a sample.
+        obstacle: (WIDTH,).
+        down: the slope of the gap half way to the sample before, or nan if it is not known.
+    """
+    low = 0.5 * (samples[k - 1] + samples[k]) if k > 1 else samples[0]
+    high = 0.5 * (samples[k] + samples[k + 1]) if k < samples.shape[0] - 2 else samples[k + 1]
+    at = surface()
+    if np.isnan(down):
+        _, down, _ = gap_at(shape, low, obstacle, at)
+    _, up, _ = gap_at(shape, high, obstacle, at)
+    # a clamp that rests on the surface has no slope there but rounding
+    falls, rises = down < 0.0, up >= 0.0
+    if k == 1 and abs(down) < LEVEL:
+        _, slope, _ = gap_at(shape, 0.75 * low + 0.25 * high, obstacle, at)
+        falls = slope < 0.0
+    if k == samples.shape[0] - 2 and abs(up) < LEVEL:
+        _, slope, _ = gap_at(shape, 0.25 * low + 0.75 * high, obstacle, at)
+        rises = slope >= 0.0
+    if not (falls and rises):
+        return -1.0, up
+    return lowest(shape, 0.5 * (low + high), 0.5 * (high - low), obstacle), up
+
+
+@njit(**OPTIONS)
+def passage(q_old, shape, samples, old_obstacles, obstacles, phi):
+    """From one shape to the next on the same mesh: how near it is now, and whether it may have gone through.
+
+    Args:
+        q_old: (n, 4) nodal frames before the step.
+        shape: fields of `Shape` after it, as plain tuples.
+        samples: (m,) arc lengths, L.
+        old_obstacles, obstacles: (o, WIDTH) before and after the step.
+        phi: (o, m) receives the gaps at the samples, L.
+
+    Returns:
+        The smallest gap at the inner samples, and whether some sample has moved so far beside an obstacle
+        that it could have passed it within the step.
+    """
+    q, c, grid = shape
+    h, s0, tables = grid_of(grid)
+    old_c = np.empty_like(c)
+    curve(q_old, h, tables.values, tables.primitives, old_c)
+    curve(q, h, tables.values, tables.primitives, c)
+    smallest = scan(c, h, s0, samples, obstacles, phi)
+    crossed = False
+    r, r_old = np.empty(3), np.empty(3)
+    for o in range(obstacles.shape[0]):
+        new, old = obstacles[o], old_obstacles[o]
+        width = np.inf
+        for k in range(DIMENSIONS, OFFSET):
+            if new[k] > 0.0:
+                width = min(width, new[k])
+        if width == np.inf:
+            continue
+        for k in range(1, samples.shape[0] - 1):
+            position(c, h, s0, samples[k], r)
+            position(old_c, h, s0, samples[k], r_old)
+            motion = 0.0
+            for i in range(3):
+                v = 0.0
+                for j in range(3):
+                    v += new[AXES + 3 * j + i] * (r[j] - new[CENTRE + j])
+                    v -= old[AXES + 3 * j + i] * (r_old[j] - old[CENTRE + j])
+                motion += v * v
+            motion = np.sqrt(motion)
+            crossed = crossed or (motion > width + new[OFFSET] and phi[o, k] < motion)
+    return smallest, crossed
+
+
+@njit(**OPTIONS)
+def dips(shape, samples, obstacles, phi, depth):
+    """Whether the curve between the samples is deeper than `depth` in some obstacle.
+
+    Args:
+        shape: fields of `Shape`, as plain tuples.
+        samples: (m,) arc lengths, L.
+        obstacles: (o, WIDTH).
+        phi: (o, m) gaps at the samples, L.
+        depth: L.
+    """
+    shape = shape_of(shape)
+    at = surface()
+    for o in range(obstacles.shape[0]):
+        slope = np.nan
+        for k in range(1, samples.shape[0] - 1):
+            if far(samples, k, phi[o]):
+                slope = np.nan
+                continue
+            s, slope = minimum_beside(shape, samples, k, obstacles[o], slope)
+            if s >= 0.0:
+                value, _, _ = gap_at(shape, s, obstacles[o], at)
+                if value < -depth:
+                    return True
+    return False
