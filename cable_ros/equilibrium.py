@@ -144,6 +144,10 @@ class Linearised(Protocol):
         """See `Equilibrium.modes`; shapes at `points` equal arc lengths."""
 
 
+NO_SUPPORTS: dict[str, Any] = {"support_wrenches": {}}
+"""Fields of `Equilibrium` that have no default in its class."""
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """One cable's equilibrium at one pose of the robot; SI units.
@@ -183,8 +187,12 @@ class Equilibrium:
     overlaps: tuple[Overlap, ...] = ()
     """Where its surface meets another cable's, its own or a link's, which no equation forbids: if any, the
     equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
+    support_wrenches: dict[str, np.ndarray] = field(default_factory=dict)
+    """By the name of a support: (6,) force [N], then moment [N m] that the cable exerts on the body there,
+    about the support's point, in its frame."""
     _tangent: Linearised | None = field(default=None, repr=False, compare=False)
     _touching: Callable[[], ContactTable] | None = field(default=None, repr=False, compare=False)
+    _pieces: tuple[Equilibrium, ...] = ()
     _mounts: np.ndarray | None = field(default=None, repr=False, compare=False)
     _extremes: Callable[[], tuple[Extreme, ...]] | None = field(default=None, repr=False, compare=False)
 
@@ -192,7 +200,7 @@ class Equilibrium:
     def of(cls, **fields: Any) -> Equilibrium:
         """The same as the constructor in half its time, which a frozen class spends on a check a field."""
         new = object.__new__(cls)
-        vars(new).update(fields)
+        vars(new).update(NO_SUPPORTS, **fields)
         return new
 
     def __repr__(self) -> str:
@@ -206,6 +214,11 @@ class Equilibrium:
     def overlapping(self) -> bool:
         """Whether it meets itself, another cable or a link of the robot; see `overlaps`."""
         return bool(self.overlaps)
+
+    @property
+    def pieces(self) -> tuple[Equilibrium, ...]:
+        """Of a cable with clips: the equilibria between them, each with arc lengths of its own; or itself."""
+        return self._pieces or (self,)
 
     @property
     def wrench_axes(self) -> np.ndarray:

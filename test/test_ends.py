@@ -459,7 +459,7 @@ def test_effects_are_chosen_by_a_wrench_that_they_change():
 
 def test_the_example_of_the_page_is_as_it_says():
     page = Path(__file__).parents[1] / "docs" / "ends.md"
-    (example,) = [block.text for block in blocks(page) if block.language == "yaml"]
+    example, _ = [block.text for block in blocks(page) if block.language == "yaml"]
     scene = parse_yaml(example, str(page))
     found = Tracker(scene).arrive({})
     hose, lamp = found["hose"], found["lamp"]
@@ -495,7 +495,7 @@ def on_the_arm(end: dict[str, Any]) -> dict[str, Any]:
         scene = parse_yaml(text.read(), str(file))
     (cable,) = scene["cables"]
     cable.pop("total_twist", None)
-    mount = {"link": cable["end"]["link"]} if end["kind"] == "free" else cable["end"]
+    mount = {"link": cable["end"]["link"]} if end.get("kind") == "free" else cable["end"]
     cable["end"] = mount | end
     scene["robot"]["urdf"] = str(share_file("config", "space_arm.urdf"))
     return scene

@@ -58,6 +58,8 @@ class TrackedEquilibrium(CableModel):
     ) -> None:  # fmt: skip
         super().__init__(cable, properties, obstacle_names)
         self.tolerance, self.polyline_points = tolerance, polyline_points
+        self.fractions: np.ndarray | None = None
+        """(n,) of its length, at which a piece of a cable with clips has points; None: at equal distances."""
         self.environment: dict[str, float] = {}
         self.choice: Choice | None = None
         self._reader, self._outline = results.Reader(), results.Reader()
@@ -218,7 +220,12 @@ class TrackedEquilibrium(CableModel):
         self._twist = float(rod.totals[TWIST])
         start = self.origin(poses)
         end_wrench, start_wrench, points, orientations = self._reader.read(
-            rod, self._q, self._F, start, unit, self.polyline_points
+            rod,
+            self._q,
+            self._F,
+            start,
+            unit,
+            self.polyline_points if self.fractions is None else self.fractions,
         )
         friction = None if self._obstacles is None else self._obstacles[:, FRICTION_COEFFICIENT]
         return Equilibrium.of(
@@ -229,9 +236,14 @@ class TrackedEquilibrium(CableModel):
             error_estimate=error, iterations=iterations,
             solve_time=time.perf_counter() - begin, overlaps=overlaps,
             _tangent=results.Tangent(rod, self._q, self._F, unit, self._names, start, self._density),
-            _mounts=None if self._ends is None else poses[:, 3:].copy(),
+            _mounts=poses[:, 3:].copy() if self._own_axes else None,
             _touching=results.touching(rod, friction, self._names, start, unit),
         )  # fmt: skip
+
+    @property
+    def _own_axes(self) -> bool:
+        """Whether the wrenches' axes cannot be read off the polyline's ends."""
+        return self._ends is not None or self.fractions is not None
 
     def _onto_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
         """Move the frictional equilibrium (q, F) to a uniform grid of contacts; whether that succeeded."""
