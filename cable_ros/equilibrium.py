@@ -144,10 +144,6 @@ class Linearised(Protocol):
         """See `Equilibrium.modes`; shapes at `points` equal arc lengths."""
 
 
-NO_SUPPORTS: dict[str, Any] = {"support_wrenches": {}}
-"""Fields of `Equilibrium` that have no default in its class."""
-
-
 @dataclass(frozen=True)
 class Equilibrium:
     """One cable's equilibrium at one pose of the robot; SI units.
@@ -187,12 +183,10 @@ class Equilibrium:
     overlaps: tuple[Overlap, ...] = ()
     """Where its surface meets another cable's, its own or a link's, which no equation forbids: if any, the
     equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
-    support_wrenches: dict[str, np.ndarray] = field(default_factory=dict)
-    """By the name of a support: (6,) force [N], then moment [N m] that the cable exerts on the body there,
-    about the support's point, in its frame."""
     _tangent: Linearised | None = field(default=None, repr=False, compare=False)
     _touching: Callable[[], ContactTable] | None = field(default=None, repr=False, compare=False)
     _pieces: tuple[Equilibrium, ...] = ()
+    _support_names: tuple[str, ...] = ()
     _mounts: np.ndarray | None = field(default=None, repr=False, compare=False)
     _extremes: Callable[[], tuple[Extreme, ...]] | None = field(default=None, repr=False, compare=False)
 
@@ -200,7 +194,7 @@ class Equilibrium:
     def of(cls, **fields: Any) -> Equilibrium:
         """The same as the constructor in half its time, which a frozen class spends on a check a field."""
         new = object.__new__(cls)
-        vars(new).update(NO_SUPPORTS, **fields)
+        vars(new).update(fields)
         return new
 
     def __repr__(self) -> str:
@@ -219,6 +213,15 @@ class Equilibrium:
     def pieces(self) -> tuple[Equilibrium, ...]:
         """Of a cable with clips: the equilibria between them, each with arc lengths of its own; or itself."""
         return self._pieces or (self,)
+
+    @property
+    def support_wrenches(self) -> dict[str, np.ndarray]:
+        """What the cable exerts on the body of each support, by its name.
+
+        (6,) force [N], then moment [N m] about the support's point, along the axes of its frame.
+        """
+        sides = zip(self._support_names, self._pieces, self._pieces[1:], strict=False)
+        return {name: before.end_wrench + after.start_wrench for name, before, after in sides}
 
     @property
     def wrench_axes(self) -> np.ndarray:
@@ -313,10 +316,11 @@ class Equilibrium:
         return self.clamp_stiffness[6:, 6:]
 
     def as_dict(self) -> dict[str, Any]:
-        """All public fields, `contacts`, `overlaps` and `extremes` (as mappings) and `stiffness` by name."""
+        """All public fields by name, and what is computed when asked for, as mappings."""
         out = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
         out["contacts"] = [asdict(contact) for contact in self.contacts]
         out["overlaps"] = [asdict(overlap) for overlap in self.overlaps]
         out["extremes"] = [extreme.as_dict() for extreme in self.extremes]
         out["stiffness"] = self.stiffness
+        out["support_wrenches"] = self.support_wrenches
         return out

@@ -75,6 +75,8 @@ class Tracker:
         for cable in self.scene.cables:
             begin = self._groups[-1].stop if self._groups else 0
             self._groups.append(range(begin, begin + len(cable.pieces)))
+        self._names = [cable.name for cable in self.scene.cables]
+        self._whole = len(self._pieces) == len(self._names)  # no cable has clips
         self._share_points()
         self._pairs = Pairs(self.scene.cables)
         self.robot_overlaps = RobotOverlaps(self.scene, self.joint_names)
@@ -243,7 +245,7 @@ class Tracker:
             each.append(found)
             begin = time.perf_counter()
         self._joints = values
-        out = self._joined(each, poses)
+        out = dict(zip(self._names, each, strict=False)) if self._whole else self._joined(each, poses)
         if len(out) > 1:
             clamps = np.array([(poses[group[0], 0], poses[group[-1], 1]) for group in self._groups])
             self._pairs.mark(out, clamps, self._outlines(out, poses))

@@ -444,6 +444,22 @@ def test_the_load_of_a_free_end_is_not_the_joints():
     assert np.abs(here.points - there.points).max() > 1e-3, "its force turns with the link"
 
 
+@pytest.mark.parametrize("name", ["pinned", "sliding", "free, with a moment", "free start"])
+def test_a_cable_follows_its_temperature(name):
+    """The unit of force is EI / L^2: given loads stay what they are in newtons as it changes."""
+    table = {"value": 0.0, "table": [[-100.0, 4.0, 3.0], [0.0, 1.0, 1.0], [100.0, 0.8, 0.5]]}
+    followed = Tracker(mapping(*PAIRS[name], temperature=table), tolerance=1e-8)
+    followed.solve({})
+    for value in (-80.0, 60.0):
+        followed.set_environment({"temperature": value})
+        found = followed.arrive({})["c"]
+        assert found.status is Status.CONVERGED, found.message
+        cold = solved(mapping(*PAIRS[name], temperature=table | {"value": value}))
+        for wrench in ("start_wrench", "end_wrench"):
+            mine, theirs = getattr(found, wrench), getattr(cold, wrench)
+            np.testing.assert_allclose(mine, theirs, atol=1e-6 * (1.0 + np.abs(theirs).max()))
+
+
 def test_effects_are_chosen_by_a_wrench_that_they_change():
     """The wrench of a free end is given whatever the cable is made of: the other one tells."""
     scene = mapping(ALONG_X, {"kind": "free"}, weight=1.0) | {"effects": "auto"}

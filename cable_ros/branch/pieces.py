@@ -47,10 +47,6 @@ def joined(cable: Cable, found: Sequence[Equilibrium], outline: Callable[[], np.
     """
     status = max((one.status for one in found), key=SEVERITY.index)
     first, last = found[0], found[-1]
-    wrenches = {
-        clip.name: before.end_wrench + after.start_wrench
-        for clip, before, after in zip(cable.supports, found, found[1:], strict=False)
-    }
     message, overlaps = _message(cable, found), _overlaps(found)
     diameter = 2.0 * cable.radius
     if diameter and status.trusted and not overlaps:
@@ -72,7 +68,8 @@ def joined(cable: Cable, found: Sequence[Equilibrium], outline: Callable[[], np.
         energy=float(np.sum([one.energy for one in found])),
         error_estimate=float(np.max([one.error_estimate for one in found])),
         iterations=sum(one.iterations for one in found), solve_time=sum(one.solve_time for one in found),
-        overlaps=overlaps, support_wrenches=wrenches, _pieces=tuple(found), _mounts=mounts,
+        overlaps=overlaps, _pieces=tuple(found),
+        _support_names=tuple(clip.name for clip in cable.supports), _mounts=mounts,
         _tangent=Together(cable, found), _touching=partial(_contacts, cable, found),
         _extremes=partial(_extremes, cable, found),
     )  # fmt: skip

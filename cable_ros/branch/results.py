@@ -19,6 +19,7 @@ from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
 from cable_ros.rod import output, quaternion
 from cable_ros.rod.elements import Mesh, integrals, sampling
 from cable_ros.rod.extensible import StretchingRod
+from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
 
@@ -28,9 +29,8 @@ def wrenches(rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units) -> tuple[np.nd
 
     `rod` is at an equilibrium with the nodal frames q (n, 4) and the end force F (3,), in units of the cable.
     """
-    supports = rod.supports(q, F)
-    if supports is not None:
-        return supports.on_mounts(rod.qe, unit.force, unit.moment)
+    if isinstance(rod, HeldRod):
+        return rod.supports(q, F).on_mounts(rod.qe, unit.force, unit.moment)
     end, start = np.empty(6), np.empty(6)
     output.wrenches(F, rod.f, rod.contact_force(), rod.qe, rod.g, unit.force, unit.moment, end, start)
     return end, start
@@ -74,9 +74,8 @@ class Reader:
             self._known = known = rod.mesh, where, unit, (scale, tuple(sampling(rod.mesh, where)))
         table = known[3]
         output.read(q, rod.h, start, F, rod.f, contact, rod.qe, rod.g, table, out)
-        supports = rod.supports(q, F)
-        if supports is not None:
-            end_wrench[:], start_wrench[:] = supports.on_mounts(rod.qe, unit.force, unit.moment)
+        if not rod.clamped:
+            end_wrench[:], start_wrench[:] = wrenches(rod, q, F, unit)
         if isinstance(rod, StretchingRod):
             rod.stretch_points(q, F, table[1], start, unit.length, points)
         return out

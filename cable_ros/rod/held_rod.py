@@ -36,6 +36,8 @@ class HeldRod(Rod):
         ends: how the ends are held.
     """
 
+    clamped = False
+
     def __init__(self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None, ends: Ends) -> None:
         self.ends = ends
         super().__init__(mesh, stiffness, natural)
