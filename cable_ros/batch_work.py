@@ -72,6 +72,11 @@ def has_friction(scene: Scene) -> bool:
     return any(obstacle.friction for obstacle in scene.obstacles)
 
 
+def in_one(scene: Scene) -> bool:
+    """Whether a path is not cut into chunks: friction remembers it, or pieces of a cable have branches."""
+    return has_friction(scene) or any(cable.supports for cable in scene.cables)
+
+
 def as_poses(path: np.ndarray, names: Sequence[str]) -> np.ndarray:
     """The path as (m, n) poses of the joints `names`; raises ValueError for another shape."""
     poses = np.asarray(path, dtype=float)
@@ -109,7 +114,7 @@ def chunks(path: Path) -> Iterator[Chunk]:
     if path.state is not None:
         scout.restore(path.state)
     snapped = path.snapped
-    stride = len(poses) if has_friction(job.scene) else CHUNK
+    stride = len(poses) if in_one(job.scene) else CHUNK
     for begin in range(0, len(poses), stride):
         if begin or path.state is None:
             scout.arrive(dict(zip(scout.joint_names, poses[begin].tolist(), strict=True)))

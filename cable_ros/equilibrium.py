@@ -184,6 +184,8 @@ class Equilibrium:
     equilibrium is one of the equations, but not of the real cable. The message then says so, too."""
     _tangent: Linearised | None = field(default=None, repr=False, compare=False)
     _touching: Callable[[], ContactTable] | None = field(default=None, repr=False, compare=False)
+    _pieces: tuple[Equilibrium, ...] = ()
+    _support_names: tuple[str, ...] = ()
     _mounts: np.ndarray | None = field(default=None, repr=False, compare=False)
     _extremes: Callable[[], tuple[Extreme, ...]] | None = field(default=None, repr=False, compare=False)
 
@@ -205,6 +207,20 @@ class Equilibrium:
     def overlapping(self) -> bool:
         """Whether it meets itself, another cable or a link of the robot; see `overlaps`."""
         return bool(self.overlaps)
+
+    @property
+    def pieces(self) -> tuple[Equilibrium, ...]:
+        """Of a cable with clips: the equilibria between them, each with arc lengths of its own; or itself."""
+        return self._pieces or (self,)
+
+    @property
+    def support_wrenches(self) -> dict[str, np.ndarray]:
+        """What the cable exerts on the body of each support, by its name.
+
+        (6,) force [N], then moment [N m] about the support's point, along the axes of its frame.
+        """
+        sides = zip(self._support_names, self._pieces, self._pieces[1:], strict=False)
+        return {name: before.end_wrench + after.start_wrench for name, before, after in sides}
 
     @property
     def wrench_axes(self) -> np.ndarray:
@@ -299,10 +315,11 @@ class Equilibrium:
         return self.clamp_stiffness[6:, 6:]
 
     def as_dict(self) -> dict[str, Any]:
-        """All public fields, `contacts`, `overlaps` and `extremes` (as mappings) and `stiffness` by name."""
+        """All public fields by name, and what is computed when asked for, as mappings."""
         out = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
         out["contacts"] = [asdict(contact) for contact in self.contacts]
         out["overlaps"] = [asdict(overlap) for overlap in self.overlaps]
         out["extremes"] = [extreme.as_dict() for extreme in self.extremes]
         out["stiffness"] = self.stiffness
+        out["support_wrenches"] = self.support_wrenches
         return out

@@ -54,8 +54,7 @@ def joint_load(
     wrenches, jacobians = _wrenches_and_jacobians(tracker, equilibria, joints)
     torque, stiffness = np.zeros(n), np.zeros((n, n))
     pressed = _pressed_obstacles(tracker, equilibria, joints)
-    for cable, J, W in zip(tracker.scene.cables, jacobians, wrenches, strict=True):
-        found = equilibria[cable.name]
+    for found, J, W in zip(_pieces(tracker, equilibria), jacobians, wrenches, strict=True):
         touched = {name: obstacle for name, obstacle in pressed.items() if name in found.obstacle_wrenches}
         for at in (slice(0, 6), slice(6, 12)):
             stiffness += np.triu(_brackets(J[at], W[at]), 1)
@@ -104,8 +103,7 @@ def joint_torques(
     if any(obstacle.link is not None for obstacle in tracker.scene.obstacles):
         pairs = zip(rows, poses.tolist(), strict=True)
         return np.array([joint_torque(tracker, row, dict(zip(names, q, strict=True))) for row, q in pairs])
-    cables = [cable.name for cable in tracker.scene.cables]
-    wrenches = np.array([[(row[c].start_wrench, row[c].end_wrench) for c in cables] for row in rows])
+    wrenches = np.array([[(p.start_wrench, p.end_wrench) for p in _pieces(tracker, row)] for row in rows])
     wrenches[:, _free_ends(tracker)] = 0.0
     orientations = np.array([kinematics.poses(q)[..., 3:] for q in poses]).reshape(-1, 4)
     to_world = matrices_from_ros(orientations).reshape(*wrenches.shape[:3], 3, 3)
@@ -249,7 +247,7 @@ def _wrenches_and_jacobians(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Wrenches of both clamps (cables, 12), and velocities per joint rate (cables, 12, n), clamp frames."""
     q = np.array([joints[name] for name in tracker.joint_names], dtype=float)
-    found = [equilibria[cable.name] for cable in tracker.scene.cables]
+    found = _pieces(tracker, equilibria)
     wrenches = np.array([(one.start_wrench, one.end_wrench) for one in found])
     wrenches[_free_ends(tracker)] = 0.0
     wrenches = wrenches.reshape(len(found), 12)
@@ -260,8 +258,14 @@ def _wrenches_and_jacobians(
 
 
 def _free_ends(tracker: Tracker) -> np.ndarray:
-    """(cables, 2) whether the start and the end are free: no link feels their load."""
-    return np.array([[mount.kind == FREE for mount in cable.mounts] for cable in tracker.scene.cables])
+    """(pieces, 2) whether the start and the end are free: no link feels their load."""
+    return np.array([[mount.kind == FREE for mount in piece.mounts] for piece in tracker.scene.pieces])
+
+
+def _pieces(tracker: Tracker, equilibria: Mapping[str, Equilibrium]) -> list[Equilibrium]:
+    """The equilibria of `Scene.pieces`."""
+    found = [equilibria[cable.name] for cable in tracker.scene.cables]
+    return [piece for one in found for piece in one.pieces]
 
 
 def _pressed_obstacles(

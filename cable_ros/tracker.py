@@ -7,12 +7,15 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from cable_ros.branch import effect_selection
 from cable_ros.branch.cable_tracker import CableTracker
+from cable_ros.branch.pieces import joined, shares
+from cable_ros.branch.results import failed
 from cable_ros.common.compile_watch import GETTING, listen
 from cable_ros.common.packing import pack, unpack
 from cable_ros.contact.overlaps import OUTLINE, Pairs
@@ -63,15 +66,23 @@ class Tracker:
         self._check(tolerance, polyline_points)
         self._tolerance, self._polyline_points = float(tolerance), int(polyline_points)
         names = [obstacle.name for obstacle in self.scene.obstacles]
+        self._pieces = self.scene.pieces
         self._tracked_cables = tuple(
-            CableTracker(cable, properties(self.scene, cable), self._tolerance, self._polyline_points, names)
-            for cable in self.scene.cables
+            CableTracker(piece, properties(self.scene, piece), self._tolerance, self._polyline_points, names)
+            for piece in self._pieces
         )
+        self._groups: list[range] = []  # by cable: the numbers of its pieces
+        for cable in self.scene.cables:
+            begin = self._groups[-1].stop if self._groups else 0
+            self._groups.append(range(begin, begin + len(cable.pieces)))
+        self._names = [cable.name for cable in self.scene.cables]
+        self._whole = len(self._pieces) == len(self._names)  # no cable has clips
+        self._share_points()
         self._pairs = Pairs(self.scene.cables)
         self.robot_overlaps = RobotOverlaps(self.scene, self.joint_names)
         self._beside = {
             i: encode(self.scene.obstacles, cable.radius, cable.name)
-            for i, cable in enumerate(self.scene.cables)
+            for i, cable in enumerate(self._pieces)
             if cable.limits is not None
         }
         self._joints: np.ndarray | None = None
@@ -116,6 +127,15 @@ class Tracker:
         self._polyline_points = int(value)
         for tracked in self._tracked_cables:
             tracked.polyline_points = self._polyline_points
+        self._share_points()
+
+    def _share_points(self) -> None:
+        """Tell the pieces of cables with clips where their points are."""
+        for cable, group in zip(self.scene.cables, self._groups, strict=True):
+            if len(group) > 1:
+                for i, fractions in zip(group, shares(cable, self._polyline_points), strict=True):
+                    self._tracked_cables[i].fractions = fractions
+                    self._tracked_cables[i].polyline_points = len(fractions)
 
     @property
     def joint_limits(self) -> str:
@@ -149,7 +169,7 @@ class Tracker:
         """
         before = {tracked.name: tracked.environment for tracked in self._tracked_cables}
         after = environments(self.scene, before, values)
-        for i, (cable, tracked) in enumerate(zip(self.scene.cables, self._tracked_cables, strict=True)):
+        for i, (cable, tracked) in enumerate(zip(self._pieces, self._tracked_cables, strict=True)):
             if after[cable.name] != tracked.environment:
                 tracked.environment = after[cable.name]
                 new = properties(self.scene, cable, environment=tracked.environment)
@@ -159,14 +179,18 @@ class Tracker:
     @property
     def left_out(self) -> dict[str, tuple[str, ...]]:
         """By cable: the effects that `effects: auto` leaves out at present."""
-        return {f.name: f.choice.left_out for f in self._tracked_cables if f.choice is not None}
+        out: dict[str, tuple[str, ...]] = {}
+        for f in self._tracked_cables:
+            if f.choice is not None:
+                out[f.name] = tuple(dict.fromkeys((*out.get(f.name, ()), *f.choice.left_out)))
+        return out
 
     def _prepare(self, index: int) -> None:
-        tracked, cable = self._tracked_cables[index], self.scene.cables[index]
+        tracked, cable = self._tracked_cables[index], self._pieces[index]
         effect_selection.prepare(tracked, self.scene, cable, self.kinematics, index)
 
     def _review(self, index: int, found: Equilibrium) -> bool:
-        tracked, cable = self._tracked_cables[index], self.scene.cables[index]
+        tracked, cable = self._tracked_cables[index], self._pieces[index]
         return effect_selection.review(tracked, self.scene, cable, self.kinematics, index, found)
 
     def snapshot(self) -> bytes:
@@ -178,6 +202,7 @@ class Tracker:
         self._tracked_cables = unpack(snapshot)
         for tracked in self._tracked_cables:
             tracked.tolerance, tracked.polyline_points = self._tolerance, self._polyline_points
+        self._share_points()
 
     def solve(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
         """The equilibrium of every cable at the given joint values, by cable name.
@@ -204,7 +229,7 @@ class Tracker:
         if self.outside and self._joint_limits == REFUSE:
             return self._invalid(f"{self.outside} Not solved, as joint_limits is '{REFUSE}'.", begin)
         values = np.array(numbers)
-        out = {}
+        each = []
         poses = self.kinematics.poses(values)
         for i, tracked in enumerate(self._tracked_cables):
             if self._auto:
@@ -215,13 +240,15 @@ class Tracker:
             if GETTING.seconds != code:  # compiled, or loaded: once in a process
                 spent, code = GETTING.seconds - code, GETTING.seconds
                 found = dataclasses.replace(found, solve_time=max(found.solve_time - spent, 0.0))
-            out[tracked.name] = found
+            if i in self._beside:
+                found = self._watch(i, values, poses[i], found)
+            each.append(found)
             begin = time.perf_counter()
-        for i in self._beside:
-            self._watch(i, values, poses[i], out)
         self._joints = values
+        out = dict(zip(self._names, each, strict=False)) if self._whole else self._joined(each, poses)
         if len(out) > 1:
-            self._pairs.mark(out, poses, self._outlines(out, poses))
+            clamps = np.array([(poses[group[0], 0], poses[group[-1], 1]) for group in self._groups])
+            self._pairs.mark(out, clamps, self._outlines(out, poses))
         if self.robot_overlaps.compared:
             self.robot_overlaps.mark(out, joints, self._outlines(out, poses))
         if self.outside:
@@ -229,17 +256,25 @@ class Tracker:
                 out[name] = dataclasses.replace(found, message=f"{found.message} {self.outside}")
         return out
 
-    def _watch(
-        self, index: int, joints: np.ndarray, poses: np.ndarray, found: dict[str, Equilibrium]
-    ) -> None:
-        """Let a cable's result in `found` tell its extremes, if it is trusted."""
-        tracked, limits = self._tracked_cables[index], self.scene.cables[index].limits
-        equilibrium = found[tracked.name]
-        if limits is None or not equilibrium.status.trusted:
-            return
+    def _joined(self, each: list[Equilibrium], poses: np.ndarray) -> dict[str, Equilibrium]:
+        """The results of all cables by name, from those of all pieces."""
+        out = {}
+        for index, (cable, group) in enumerate(zip(self.scene.cables, self._groups, strict=True)):
+            if len(group) == 1:
+                out[cable.name] = each[group[0]]
+                continue
+            found = [each[i] for i in group]
+            out[cable.name] = joined(cable, found, partial(self._outline, index, poses))
+        return out
+
+    def _watch(self, index: int, joints: np.ndarray, poses: np.ndarray, found: Equilibrium) -> Equilibrium:
+        """The result of a piece such that it tells its extremes, if it is trusted."""
+        tracked, limits = self._tracked_cables[index], self._pieces[index].limits
+        if limits is None or not found.status.trusted:
+            return found
         links = self.kinematics.obstacle_poses(joints)
         extremes = tracked.extremes(limits, self._beside[index], links, tracked.origin(poses))
-        found[tracked.name] = dataclasses.replace(equilibrium, _extremes=extremes)
+        return dataclasses.replace(found, _extremes=extremes)
 
     def arrive(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
         """As `solve`, called again until no cable is `Status.UNFINISHED`: for work without a deadline."""
@@ -264,11 +299,23 @@ class Tracker:
         """Gives a cable's polyline (n, 3) by its number."""
 
         def outline(index: int) -> np.ndarray:
-            tracked = self._tracked_cables[index]
-            points = found[tracked.name].points
-            return points if len(points) >= OUTLINE else tracked.outline(tracked.origin(poses[index]))
+            points = found[self.scene.cables[index].name].points
+            return points if len(points) >= OUTLINE else self._outline(index, poses)
 
         return outline
+
+    def _outline(self, index: int, poses: np.ndarray) -> np.ndarray:
+        """(OUTLINE, 3) polyline of a cable by its number, world, m."""
+        cable, group = self.scene.cables[index], self._groups[index]
+        tracked = [self._tracked_cables[i] for i in group]
+        outlines = [one.outline(one.origin(poses[i])) for i, one in zip(group, tracked, strict=True)]
+        if len(group) == 1:
+            return outlines[0]
+        parts = zip(outlines, shares(cable, OUTLINE), strict=True)
+        own = np.linspace(0.0, 1.0, OUTLINE)
+        return np.concatenate(
+            [np.stack([np.interp(at, own, line[:, a]) for a in range(3)], axis=1) for line, at in parts]
+        )
 
     def _fault(self, joints: Mapping[str, float]) -> str:
         for name in self.joint_names:
@@ -283,7 +330,7 @@ class Tracker:
         return Status.INVALID_INPUT.sentence
 
     def _invalid(self, message: str, begin: float) -> dict[str, Equilibrium]:
+        count, seconds = self._polyline_points, time.perf_counter() - begin
         return {
-            tracked.name: tracked.failed(Status.INVALID_INPUT, message, time.perf_counter() - begin)
-            for tracked in self._tracked_cables
+            cable.name: failed(Status.INVALID_INPUT, message, seconds, count) for cable in self.scene.cables
         }

@@ -95,7 +95,12 @@ def _advertised():
             if isinstance(call, ast.Call) and ast.unparse(call.func) == "Outlet.create":
                 _, kind, name, _ = map(ast.unparse, call.args)
                 if name != "TOPIC":  # /tf_static, whose name is tf2's
-                    yield re.sub(r"^f?'(.*)'$", r"\1", name).replace("{base}", "~/<cable>"), kind
+                    yield (
+                        re.sub(r"^f?'(.*)'$", r"\1", name)
+                        .replace("{base}", "~/<cable>")
+                        .replace("{support}", "<support>"),
+                        kind,
+                    )
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/ros.md"])

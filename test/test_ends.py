@@ -444,6 +444,22 @@ def test_the_load_of_a_free_end_is_not_the_joints():
     assert np.abs(here.points - there.points).max() > 1e-3, "its force turns with the link"
 
 
+@pytest.mark.parametrize("name", ["pinned", "sliding", "free, with a moment", "free start"])
+def test_a_cable_follows_its_temperature(name):
+    """The unit of force is EI / L^2: given loads stay what they are in newtons as it changes."""
+    table = {"value": 0.0, "table": [[-100.0, 4.0, 3.0], [0.0, 1.0, 1.0], [100.0, 0.8, 0.5]]}
+    followed = Tracker(mapping(*PAIRS[name], temperature=table), tolerance=1e-8)
+    followed.solve({})
+    for value in (-80.0, 60.0):
+        followed.set_environment({"temperature": value})
+        found = followed.arrive({})["c"]
+        assert found.status is Status.CONVERGED, found.message
+        cold = solved(mapping(*PAIRS[name], temperature=table | {"value": value}))
+        for wrench in ("start_wrench", "end_wrench"):
+            mine, theirs = getattr(found, wrench), getattr(cold, wrench)
+            np.testing.assert_allclose(mine, theirs, atol=1e-6 * (1.0 + np.abs(theirs).max()))
+
+
 def test_effects_are_chosen_by_a_wrench_that_they_change():
     """The wrench of a free end is given whatever the cable is made of: the other one tells."""
     scene = mapping(ALONG_X, {"kind": "free"}, weight=1.0) | {"effects": "auto"}
@@ -459,7 +475,7 @@ def test_effects_are_chosen_by_a_wrench_that_they_change():
 
 def test_the_example_of_the_page_is_as_it_says():
     page = Path(__file__).parents[1] / "docs" / "ends.md"
-    (example,) = [block.text for block in blocks(page) if block.language == "yaml"]
+    example, _ = [block.text for block in blocks(page) if block.language == "yaml"]
     scene = parse_yaml(example, str(page))
     found = Tracker(scene).arrive({})
     hose, lamp = found["hose"], found["lamp"]
@@ -495,7 +511,7 @@ def on_the_arm(end: dict[str, Any]) -> dict[str, Any]:
         scene = parse_yaml(text.read(), str(file))
     (cable,) = scene["cables"]
     cable.pop("total_twist", None)
-    mount = {"link": cable["end"]["link"]} if end["kind"] == "free" else cable["end"]
+    mount = {"link": cable["end"]["link"]} if end.get("kind") == "free" else cable["end"]
     cable["end"] = mount | end
     scene["robot"]["urdf"] = str(share_file("config", "space_arm.urdf"))
     return scene

@@ -30,6 +30,7 @@ from cable_ros.bench.verification import verify
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.scene import Kinematics, Scene
 from cable_ros.scene.joint_limits import JointLimits
+from cable_ros.scene.model import CLAMPED
 from cable_ros.scene.text import parse_yaml
 from cable_ros.tracker import Tracker
 
@@ -161,6 +162,11 @@ class Bench:
 
     def rows(self) -> Iterator[Row]:
         """All panels."""
+        mounts = [mount for cable in self.scene.cables for mount in cable.all_mounts]
+        if len(mounts) > 2 * len(self.scene.cables) or any(mount.kind != CLAMPED for mount in mounts):
+            raise NoEquilibrium(
+                "only cables between two clamps are measured; clamp both ends, without supports"
+            )
         yield from self.precision()
         for panel in (self.effects, self.gravity, self.steps, self.cables):
             yield from panel()

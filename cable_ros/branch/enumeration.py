@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cable_ros.branch.cable_tracker import CableTracker
+from cable_ros.branch.pieces import places
 from cable_ros.effects.registry import properties
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.scene import Kinematics, Scene
@@ -23,6 +24,8 @@ def branches(
     turns of that target, or of zero. It may miss some. The list is empty if the clamps are out of reach or
     nothing converged.
 
+    The pieces of a cable with clips are listed one by one, as `NAME between CLIP and CLIP`.
+
     Args:
         scene: from `load_scene`.
         joints: value by joint name, rad or m, for every joint that moves a clamp.
@@ -36,9 +39,14 @@ def branches(
     values = np.array([joints[name] for name in kinematics.joint_names], dtype=float)
     poses = kinematics.poses(values)
     names = [obstacle.name for obstacle in scene.obstacles]
+    labels = [
+        f"{cable.name} {place}" if cable.supports else cable.name
+        for cable in scene.cables
+        for place in places(cable)
+    ]
     return {
-        cable.name: CableTracker(cable, properties(scene, cable), tolerance, polyline_points, names).branches(
+        label: CableTracker(piece, properties(scene, piece), tolerance, polyline_points, names).branches(
             kinematics, values, poses[i]
         )
-        for i, cable in enumerate(scene.cables)
+        for i, (label, piece) in enumerate(zip(labels, scene.pieces, strict=True))
     }

@@ -15,6 +15,7 @@ from cable_ros.contact.response import cross_matrix
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
 from cable_ros.rod import output, quaternion
 from cable_ros.rod.elements import Mesh, integrals, sampling
+from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
 
@@ -24,9 +25,8 @@ def wrenches(rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units) -> tuple[np.nd
 
     `rod` is at an equilibrium with the nodal frames q (n, 4) and the end force F (3,), in units of the cable.
     """
-    supports = rod.supports(q, F)
-    if supports is not None:
-        return supports.on_mounts(rod.qe, unit.force, unit.moment)
+    if isinstance(rod, HeldRod):
+        return rod.supports(q, F).on_mounts(rod.qe, unit.force, unit.moment)
     end, start = np.empty(6), np.empty(6)
     output.wrenches(F, rod.f, rod.contact_force(), rod.qe, rod.g, unit.force, unit.moment, end, start)
     return end, start
@@ -36,39 +36,49 @@ class Reader:
     """Computes wrenches, points and frames of rods; keeps the interpolation table of the last mesh."""
 
     def __init__(self) -> None:
-        self._known: tuple[Mesh, int, Units, tuple[Any, ...]] | None = None
+        self._known: tuple[Mesh, int | np.ndarray, Units, tuple[Any, ...]] | None = None
 
     def read(
-        self, rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, count: int
+        self,
+        rod: Rod,
+        q: np.ndarray,
+        F: np.ndarray,
+        start: np.ndarray,
+        unit: Units,
+        where: int | np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """End and start wrench as in `wrenches`, points (count, 3), m, and frames (count, 4), x y z w.
-
-        The points are in the world, at equal arc lengths.
+        """End and start wrench as in `wrenches`, points (c, 3), world, m, and frames (c, 4), x y z w.
 
         Args:
             rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,).
             start: (7,) the start clamp in the world, m, quaternion x y z w.
             unit: of the cable.
-            count: of points.
+            where: number of points at equal arc lengths, or rising arc lengths (c,), L.
         """
+        count = where if isinstance(where, int) else len(where)
         end_wrench, start_wrench = np.empty(6), np.empty(6)
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
         out, contact = (end_wrench, start_wrench, points, orientations), rod.contact_force()
         if rod.adapts_mesh:
-            table = (unit.force, unit.moment, unit.length), integrals(rod.mesh.element.order)
+            at = np.arange(count) / (count - 1) if isinstance(where, int) else where
+            table = (unit.force, unit.moment, unit.length), integrals(rod.mesh.element.order), at
             output.read_anywhere(q, (rod.h, rod.s0), start, F, rod.f, contact, rod.qe, rod.g, table, out)
             return out
         known = self._known
-        if known is None or known[0] is not rod.mesh or known[1] != count or known[2] is not unit:
+        if known is None or known[0] is not rod.mesh or _other(known[1], where) or known[2] is not unit:
             scale = unit.force, unit.moment, unit.length
-            self._known = known = rod.mesh, count, unit, (scale, tuple(sampling(rod.mesh, count)))
+            self._known = known = rod.mesh, where, unit, (scale, tuple(sampling(rod.mesh, where)))
         table = known[3]
         output.read(q, rod.h, start, F, rod.f, contact, rod.qe, rod.g, table, out)
-        supports = rod.supports(q, F)
-        if supports is not None:
-            end_wrench[:], start_wrench[:] = supports.on_mounts(rod.qe, unit.force, unit.moment)
+        if not rod.clamped:
+            end_wrench[:], start_wrench[:] = wrenches(rod, q, F, unit)
         rod.stretch_points(q, F, table[1], start, unit.length, points)
         return out
+
+
+def _other(a: int | np.ndarray, b: int | np.ndarray) -> bool:
+    """Whether two descriptions of points differ; arrays are not compared by value."""
+    return a is not b if isinstance(b, np.ndarray) else a != b
 
 
 def touching(

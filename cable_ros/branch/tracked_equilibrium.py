@@ -58,6 +58,8 @@ class TrackedEquilibrium(CableModel):
     ) -> None:  # fmt: skip
         super().__init__(cable, properties, obstacle_names)
         self.tolerance, self.polyline_points = tolerance, polyline_points
+        self.fractions: np.ndarray | None = None
+        """(n,) of its length, at which a piece of a cable with clips has points; None: at equal distances."""
         self.environment: dict[str, float] = {}
         self.choice: Choice | None = None
         self._reader, self._outline = results.Reader(), results.Reader()
@@ -229,20 +231,21 @@ class TrackedEquilibrium(CableModel):
         rod, unit = self._rod, self._units
         assert rod is not None
         self._twist = float(rod.totals[TWIST])
-        start = self.origin(poses)
+        start = poses[0] if self._ends is None else self.origin(poses)
+        where = self.polyline_points if self.fractions is None else self.fractions
         end_wrench, start_wrench, points, orientations = self._reader.read(
-            rod, self._q, self._F, start, unit, self.polyline_points
+            rod, self._q, self._F, start, unit, where
         )
         meets = self._apart < self._diameter
         return Equilibrium.of(
             status=status, message=message, converged=self._record.loss is None, stable=True,
             stability_margin=self._margin, end_wrench=end_wrench, start_wrench=start_wrench,
             points=points, orientations=orientations, total_twist=self._twist,
-            energy=float(rod.totals[ENERGY]) * unit.moment + self._datum(rod, poses),
+            energy=float(rod.totals[ENERGY]) * unit.moment - self._datum(rod, poses),
             error_estimate=error, iterations=iterations, solve_time=time.perf_counter() - begin,
             overlaps=(Overlap(self.name, self._apart, self._diameter),) if meets else (),
             _tangent=results.Tangent(rod, self._q, self._F, unit, self._names, start, self._density),
-            _mounts=None if self._ends is None else poses[:, 3:].copy(),
+            _mounts=None if self._ends is None and self.fractions is None else poses[:, 3:].copy(),
             _touching=None if rod.obstacles is None else results.touching(rod, self._names, start, unit),
         )  # fmt: skip
 
@@ -311,25 +314,24 @@ class TrackedEquilibrium(CableModel):
         `poses` (2, 7): of the mounts. A cable whose start is free or slides begins where its end allows.
         """
         start: np.ndarray = poses[0]
-        if self._ends is None or self._ends.start.held or self._rod is None:
+        if self._ends is None:
+            return start
+        if self._ends.start.held or self._rod is None:
             return start
         turn = quaternion.matrix_from_ros(start[3:])
         return np.concatenate([poses[1, :3] - self._units.length * turn @ self._rod.totals[:3], start[3:]])
 
     def _datum(self, rod: Rod, poses: np.ndarray) -> float:
-        """Potential, J, of weight and given forces at the mount that the rod's energy counts from."""
+        """Work, J, of weight and given forces up to the mount from which the rod's energy counts."""
         ends, unit = self._ends, self._units
-        if ends is None or ends.start.placed:
-            potential = -unit.length * float(self._weight @ poses[0, :3])
-        else:
-            potential = -unit.length * float(self._weight @ poses[1, :3])
         if ends is None:
-            return potential
+            return unit.length * float(self._weight @ poses[0, :3])
+        work = unit.length * float(self._weight @ poses[0 if ends.start.placed else 1, :3])
         if not ends.free:
-            return potential + unit.moment * float(rod.given @ rod.re)
+            return work - unit.moment * float(rod.given @ rod.re)
         load, free, held = (ends.start, 0, 1) if ends.end.placed else (ends.end, 1, 0)
         force = unit.force * quaternion.matrix_from_ros(poses[free, 3:]) @ load.force
-        return potential - float(force @ poses[held, :3])
+        return work + float(force @ poses[held, :3])
 
     def outline(self, start: np.ndarray) -> np.ndarray:
         """(OUTLINE, 3) centreline of the present equilibrium, world, m; `start` (7,): its start clamp."""

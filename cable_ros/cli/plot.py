@@ -153,7 +153,7 @@ def moving_joints(scene: Scene | None) -> dict[str, str]:
 
     if scene is None or scene.robot is None:
         return {}
-    links = {mount.link: None for cable in scene.cables for mount in cable.mounts if mount.link}
+    links = {mount.link: None for cable in scene.cables for mount in cable.all_mounts if mount.link}
     if not links:
         return {}
     joints = ET.fromstring(chains(scene.robot.urdf, scene.robot.source, links)).iter("joint")

@@ -81,6 +81,7 @@ def describe(name: str, found: Equilibrium) -> str:
             "           " + "".join(f"{head:>12}" for head in ("Fx", "Fy", "Fz", "Mx", "My", "Mz")),
             _wrench_line("end", found.end_wrench),
             _wrench_line("start", found.start_wrench),
+            *(_wrench_line(name, wrench) for name, wrench in found.support_wrenches.items()),
             "",
             f"  energy            {engineering(found.energy, 'J')}  (elastic and weight)",
             f"  total twist       {found.total_twist:.4f} rad  ({turn:.1f} deg; names the branch)",

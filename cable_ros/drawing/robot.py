@@ -38,7 +38,7 @@ class Skeleton:
 
     def __init__(self, scene: Scene) -> None:
         self._carried = [obstacle for obstacle in scene.obstacles if obstacle.link is not None]
-        mounts = [mount for cable in scene.cables for mount in cable.mounts if mount.link is not None]
+        mounts = [mount for cable in scene.cables for mount in cable.all_mounts if mount.link is not None]
         ends = [mount.link for mount in mounts] + [obstacle.link for obstacle in self._carried]
         self._clamps = [(str(mount.link), mount.position) for mount in mounts if mount.kind != FREE]
         self._parents: list[tuple[str, str]] = []

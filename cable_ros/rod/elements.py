@@ -163,16 +163,19 @@ class Mesh:
         return Mesh(self.element, np.repeat(self.lengths / times, times))
 
 
-def sampling(mesh: Mesh, count: int) -> Sampling:
-    """The tables for `count` points at equal arc lengths, both ends included."""
-    element, fraction = mesh.locate(np.linspace(0.0, 1.0, count))
+def sampling(mesh: Mesh, where: int | np.ndarray) -> Sampling:
+    """The tables for so many points at equal arc lengths, both ends included, or for rising ones (c,), L."""
+    at = np.linspace(0.0, 1.0, where) if isinstance(where, int) else where
+    count = len(at)
+    element, fraction = mesh.locate(at)
     values, _ = lagrange(mesh.element.nodes, fraction)
     # the tangent is no polynomial: a few more points than the solve keep the polyline as good as its ends
     points, weights = legendre.leggauss(mesh.element.order + 4)
     points, weights = 0.5 * (points + 1.0), 0.5 * weights
     quadrature, _ = lagrange(mesh.element.nodes, points)
     inner, _ = lagrange(points, np.outer(fraction, points).ravel())
-    integrals = fraction[:, None] * np.einsum("g,mgk->mk", weights, inner.reshape(count, len(points), -1))
+    inner = inner.reshape(count, len(points), len(points))
+    integrals = fraction[:, None] * np.einsum("g,mgk->mk", weights, inner)
     return Sampling(element.astype(np.int64), values, np.vstack([integrals, weights]), quadrature, points)
 
 

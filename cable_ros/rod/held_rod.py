@@ -10,8 +10,9 @@ from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import error_estimate, quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.ends import Ends
-from cable_ros.rod.held_kernels import advance_held, held_factor, held_linearize, held_step
+from cable_ros.rod.held_kernels import held_factor, held_linearize, held_solution
 from cable_ros.rod.held_response import response
+from cable_ros.rod.held_step import advance_held
 from cable_ros.rod.kirchhoff import NO_ELEMENTS, NO_LINES, Rod
 from cable_ros.rod.rod_state import ENERGY, Conditions
 from cable_ros.rod.supports import Supports
@@ -35,6 +36,8 @@ class HeldRod(Rod):
         mesh, stiffness, natural: as in `Rod`.
         ends: how the ends are held.
     """
+
+    clamped = False
 
     def __init__(self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None, ends: Ends) -> None:
         self.ends = ends
@@ -129,7 +132,7 @@ class HeldRod(Rod):
     ) -> tuple[np.ndarray, np.ndarray]:
         s, dF = np.empty(gradient.shape[0]), np.empty(3)
         order = self.mesh.element.order
-        held_step(self.q, gradient, constraints, order, self.saddle, hold, s, dF)
+        held_solution(self.q, gradient, constraints, order, self.saddle, hold, s, dF)
         return s, dF
 
     def normal_step(self, constraints: np.ndarray) -> np.ndarray:

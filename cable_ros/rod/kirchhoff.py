@@ -15,7 +15,6 @@ from cable_ros.rod.elements import Mesh, enrichment
 from cable_ros.rod.energy_kernels import workspace
 from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.rod_state import ENERGY
-from cable_ros.rod.supports import Supports
 from cable_ros.solve.trust_region import Options, minimize
 
 ORDER = 6
@@ -64,6 +63,9 @@ class Rod:
 
     compliance = NOTHING
     """(3,) of shear and axial strain, EI / L^2 over the stiffness."""
+
+    clamped = True
+    """Whether both ends are clamps; if not, see `HeldRod`."""
 
     given = NOTHING
     """(3,) part of the end force that is given, EI / L^2."""
@@ -167,10 +169,6 @@ class Rod:
     def reactions(self) -> np.ndarray:
         """Moment (3,), EI / L, by which equilibria of equal energy and twist can be told apart."""
         return self.g[-1]
-
-    def supports(self, q: np.ndarray, F: np.ndarray) -> Supports | None:
-        """What ends other than clamps feel, at the equilibrium (q, F); None: they are clamps."""
-        return None
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
         """(m,) which elements are too long for contact, see `FixedSetRod`."""

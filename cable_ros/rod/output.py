@@ -57,14 +57,14 @@ def read_anywhere(q, mesh, start, F, f, contact, qe, g, table, out):
         q, start, out: as in `read`.
         mesh: lengths of the elements and the arc lengths at which they start, (m,) each.
         F, f, contact, qe, g: as in `wrenches`.
-        table: as in `read`, but last what `elements.integrals` returns.
+        table: as in `read`, but then what `elements.integrals` returns, and the arc lengths (c,), L.
     """
-    scale, tables = table
+    scale, tables, at = table
     end_wrench, start_wrench, out_r, out_q = out
     h, s0 = mesh
     values, primitives, powers = tables
     wrenches(F, f, contact, qe, g, scale[0], scale[1], end_wrench, start_wrench)
-    polyline_anywhere(q, h, s0, values, primitives, powers, start, scale[2], out_r, out_q)
+    polyline_anywhere(q, h, s0, values, primitives, powers, at, start, scale[2], out_r, out_q)
 
 
 @njit(**LEAF)
@@ -145,8 +145,8 @@ def polyline(q, h, sampling, start, length, out_r, out_q):
 
 
 @njit(**INNER)
-def polyline_anywhere(q, h, s0, values, primitives, powers, start, length, out_r, out_q):
-    """`polyline` at equal arc lengths, on elements whose lengths change from solve to solve.
+def polyline_anywhere(q, h, s0, values, primitives, powers, at, start, length, out_r, out_q):
+    """`polyline` at the arc lengths `at` (c,), L, on elements whose lengths change from solve to solve.
 
     Args:
         q, h, start, length, out_r, out_q: as in `polyline`.
@@ -165,9 +165,8 @@ def polyline_anywhere(q, h, s0, values, primitives, powers, start, length, out_r
                 for a in range(4):
                     frames[e, k, a] += powers[k, i] * world[e * order + i, a]
     r = np.empty(3)
-    count = out_r.shape[0]
-    for i in range(count):
-        s = i / (count - 1)
+    for i in range(at.shape[0]):
+        s = at[i]
         position(c, h, s0, s, r)
         for b in range(3):
             out_r[i, b] = start[b] + length * r[b]

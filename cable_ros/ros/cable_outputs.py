@@ -46,7 +46,7 @@ def worst_use(equilibrium: Equilibrium) -> int:
 
 
 class CableOutputs:
-    """Topics and messages of one cable: both wrenches, polyline, limits, diagnostics."""
+    """Topics and messages of one cable: wrenches at ends and supports, polyline, limits, diagnostics."""
 
     def __init__(
         self, node: Node, cable: Cable, frames: Frames, polyline_points: int, hardware_id: str = ""
@@ -57,6 +57,13 @@ class CableOutputs:
         self.end_frame, self.start_frame = (frames.of(f"{cable.name}_{clamp}") for clamp in ("end", "start"))
         self.end_wrench = Outlet.create(node, WrenchStamped, f"{base}/end_wrench", STREAM)
         self.start_wrench = Outlet.create(node, WrenchStamped, f"{base}/start_wrench", STREAM)
+        self._supports = {
+            support: (
+                Outlet.create(node, WrenchStamped, f"{base}/{support}_wrench", STREAM),
+                WrenchMessage(frames.of(f"{cable.name}_{support}")),
+            )
+            for support in (clip.name for clip in cable.supports)
+        }
         self.polyline = Outlet.create(node, Path, f"{base}/polyline", LATCHED)
         self.limits: Outlet | None = None
         if cable.limits is not None:
@@ -72,7 +79,8 @@ class CableOutputs:
     @property
     def outlets(self) -> tuple[Outlet, ...]:
         """All topics of this cable."""
-        always = self.end_wrench, self.start_wrench, self.polyline
+        supports = (outlet for outlet, _ in self._supports.values())
+        always = self.end_wrench, self.start_wrench, *supports, self.polyline
         return always if self.limits is None else (*always, self.limits)
 
     def note(self, equilibrium: Equilibrium) -> None:
@@ -81,9 +89,11 @@ class CableOutputs:
             self.worst = equilibrium
 
     def wrenches(self, stamp: int, equilibrium: Equilibrium) -> Iterator[tuple[Outlet, bytes]]:
-        """The messages of both wrenches and of limits: the first can go out before the next is made."""
+        """The messages of all wrenches and of limits: the first can go out before the next is made."""
         yield self.end_wrench, self._end_message.fill(stamp, equilibrium.end_wrench)
         yield self.start_wrench, self._start_message.fill(stamp, equilibrium.start_wrench)
+        for name, (outlet, message) in self._supports.items():
+            yield outlet, message.fill(stamp, equilibrium.support_wrenches[name])
         if self.limits is not None:
             yield self.limits, self._limits_message.fill(stamp, equilibrium.extremes)
 
@@ -94,10 +104,14 @@ class CableOutputs:
         return self.polyline, self._path_message.fill(stamp, equilibrium.points, equilibrium.orientations)
 
     def transforms(self) -> list[TransformStamped]:
-        """The frames of both clamps in their links."""
+        """The frames of all that holds the cable, in their links."""
+        held = [(self.start_frame, self.cable.start), (self.end_frame, self.cable.end)]
+        held += [
+            (self._frames.of(f"{self.cable.name}_{clip.name}"), clip.mount) for clip in self.cable.supports
+        ]
         return [
             clamp_transform(frame, self._frames.of(mount.link) if mount.link else self._frames.world, mount)
-            for frame, mount in ((self.start_frame, self.cable.start), (self.end_frame, self.cable.end))
+            for frame, mount in held
         ]
 
     def status(

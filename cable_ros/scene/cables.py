@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from typing import Any
@@ -14,7 +15,7 @@ from cable_ros.scene.errors import SceneError
 from cable_ros.scene.fields import MILLIMETRES, Field, Size, vector
 from cable_ros.scene.influences import CELSIUS, DOSE, GRAY, TEMPERATURE, read_influence, row
 from cable_ros.scene.model import FREE, Cable
-from cable_ros.scene.mounts import MOUNT, check_ends, read_mount
+from cable_ros.scene.mounts import MOUNT, SUPPORT, check_ends, read_mount, read_supports
 from cable_ros.scene.section import Section
 
 LENGTH = Size("m", 0.01, 100.0, too_high=MILLIMETRES)
@@ -132,6 +133,12 @@ CABLE = (
         "end", "mapping", _MOUNT_REMEDY, "Clamp at the end, with the tangent in the same sense.",
         "{link: turret, position: [0.080, 0.145, 0.075], orientation: [0, 0, 0, 1]}", inner=MOUNT,
     ),
+    Field(
+        "supports", "list of mappings", "a list of clips, or leave it out",
+        "What holds it between its ends; see [ends.md](ends.md).",
+        "[{name: wrist_clip, clip: {arc_length: 0.31, position: [0, 0, 1], orientation: [0, 0, 0, 1]}}]",
+        default=(), absent="none", extent="of different names", inner=SUPPORT,
+    ),
 )  # fmt: skip
 
 
@@ -169,8 +176,12 @@ def read_cable(values: Any, source: str, place: str, links: tuple[str, ...] | No
     shear = section.vector("shear_stiffness", 2) if "shear_stiffness" in section else None
     start = read_mount(section, "start", links)
     end = read_mount(section, "end", links)
-    check_ends(section, start, end)
-    if start.link == end.link and FREE not in (start.kind, end.kind):
+    outer = _outer_diameter(section, length, diameter)
+    supports = read_supports(section, length, outer or diameter or 0.0, links)
+    held = [start, *(support.mount for support in supports), end]
+    for one, other in itertools.pairwise(held):
+        check_ends(section, one, other)
+    if not supports and start.link == end.link and FREE not in (start.kind, end.kind):
         chord = math.dist(start.position, end.position)
         if chord > CHORD_RATIO * length:
             section.fail(
@@ -178,7 +189,6 @@ def read_cable(values: Any, source: str, place: str, links: tuple[str, ...] | No
                 f"{MILLIMETRES}; give metres",
                 "end.position",
             )
-    outer = _outer_diameter(section, length, diameter)
     return Cable(
         name, length, stiffness, density, start, end, diameter, twist,
         outer_diameter=outer,
@@ -187,6 +197,7 @@ def read_cable(values: Any, source: str, place: str, links: tuple[str, ...] | No
         dose=read_influence(section, "dose", GRAY),
         axial_stiffness=axial, shear_stiffness=shear,
         limits=read_limits(section, 0.5 * (outer or diameter or 0.0)),
+        supports=supports,
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ _IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 class Kinematics:
-    """World poses of the clamps of all cables of a scene, and of the links that carry its obstacles.
+    """World poses of what holds a scene's cables (`Scene.pieces`), and of the links that carry its obstacles.
 
     The root link of the robot is the world. Only joints between the root and a link that carries a clamp or
     an obstacle count; all others leave everything where it is. A scene in which all is fixed in the world
@@ -29,12 +29,13 @@ class Kinematics:
     """The joints that count, from the root outwards; radians, or metres for a prismatic joint."""
 
     def __init__(self, scene: Scene) -> None:
-        mounts = [mount for cable in scene.cables for mount in cable.mounts]
+        pieces = scene.pieces
+        mounts = [mount for piece in pieces for mount in piece.mounts]
         self._clamps = _Frames(
             [mount.link for mount in mounts],
             np.array([np.concatenate([m.position, m.orientation]) for m in mounts]),
         )
-        self._shape = (len(scene.cables), 2, 7)
+        self._shape = (len(pieces), 2, 7)
         self._clamp_poses = self._clamps.poses.reshape(self._shape)
         carriers = list(dict.fromkeys(obstacle.link for obstacle in scene.obstacles))
         self._obstacles = _Frames(carriers, np.tile(_IDENTITY, (len(carriers), 1)))
@@ -92,7 +93,7 @@ class Kinematics:
             q: (len(joint_names),) finite joint values; any number of turns.
 
         Returns:
-            (n_cables, 2, 7): cable, start or end, position [m] and quaternion x y z w.
+            (n_pieces, 2, 7): piece of a cable, start or end, position [m] and quaternion x y z w.
         """
         self._update(self._clamps, q)
         return self._clamp_poses.copy()
@@ -104,7 +105,7 @@ class Kinematics:
             q: as in `poses`.
 
         Returns:
-            (n_cables, 2, 6, n_joints): velocity of the clamp point, then angular velocity, both along
+            (n_pieces, 2, 6, n_joints): velocity of the clamp point, then angular velocity, both along
             the world's axes.
         """
         return self._jacobians(self._clamps, q).reshape(*self._shape[:2], 6, len(self.joint_names))

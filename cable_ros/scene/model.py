@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +52,16 @@ class Mount:
 
 
 @dataclass(frozen=True, eq=False)
+class Clip:
+    """A support that clamps a cable at an arc length."""
+
+    name: str
+    arc_length: float
+    """From the cable's start, m."""
+    mount: Mount
+
+
+@dataclass(frozen=True, eq=False)
 class Cable:
     """One cable, held at its ends; straight, untwisted and inextensible unless it says otherwise."""
 
@@ -84,6 +94,8 @@ class Cable:
     """(2,) GA along the section's x and y axes, N; None: sections stay across the tangent."""
     limits: CableLimits | None = None
     """What it stands; None: nothing is watched."""
+    supports: tuple[Clip, ...] = ()
+    """Between its ends, by rising arc length."""
 
     @property
     def radius(self) -> float:
@@ -94,6 +106,23 @@ class Cable:
     def mounts(self) -> tuple[Mount, Mount]:
         """Start, end."""
         return self.start, self.end
+
+    @property
+    def all_mounts(self) -> tuple[Mount, ...]:
+        """Start, supports, end."""
+        return self.start, *(support.mount for support in self.supports), self.end
+
+    @property
+    def pieces(self) -> tuple[Cable, ...]:
+        """The parts between clips, each a cable of its own with this one's name; without clips itself."""
+        if not self.supports:
+            return (self,)
+        cuts = [0.0, *(support.arc_length for support in self.supports), self.length]
+        mounts = self.all_mounts
+        return tuple(
+            replace(self, length=cuts[i + 1] - cuts[i], start=mounts[i], end=mounts[i + 1], supports=())
+            for i in range(len(cuts) - 1)
+        )
 
 
 @dataclass(frozen=True)
@@ -145,6 +174,11 @@ class Scene:
     """coulomb: stick and slip; sliding: fully mobilised against the end's motion, (53) of Liu et al."""
     effects: str | tuple[str, ...] = "all"
     """auto: what matters at the tolerance; all: what has numbers in the scene; or some of `EFFECTS`."""
+
+    @property
+    def pieces(self) -> tuple[Cable, ...]:
+        """The pieces of all cables, cable by cable; see `Cable.pieces`."""
+        return tuple(piece for cable in self.cables for piece in cable.pieces)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -124,7 +124,7 @@ class Clamped:
         self._bodies = bodies(robot.urdf, robot.source)
         self._clamps = []
         for cable in cables:
-            for mount in cable.mounts:
+            for mount in cable.all_mounts:
                 if mount.kind == FREE:
                     continue
                 body = self._bodies[mount.link]

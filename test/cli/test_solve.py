@@ -39,7 +39,7 @@ def test_json_has_the_fields_of_equilibrium(capsys):
     assert main(["solve", ARM, "--joint", "orientation=0", "--tolerance", "1e-6", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["camera_cable"]
     fields = {field.name for field in dataclasses.fields(Equilibrium) if not field.name.startswith("_")}
-    assert set(found) == fields | {"stiffness", "contacts", "extremes"}
+    assert set(found) == fields | {"stiffness", "contacts", "extremes", "support_wrenches"}
     assert found["status"] == "CONVERGED"
     assert np.shape(found["points"]) == (101, 3)
     # The reference force and moment on the cable at 0 deg, in world axes, which are the clamp's there. Their

@@ -53,7 +53,8 @@ def test_without_tables_the_polyline_is_the_same(order, lengths):
     table = sampling(mesh, 50)
     results = [(np.empty((50, 3)), np.empty((50, 4))) for _ in range(2)]
     polyline(q, mesh.lengths, table, start, LENGTH, *results[0])
-    polyline_anywhere(q, mesh.lengths, mesh.starts, *integrals(order), start, LENGTH, *results[1])
+    at = np.arange(50) / 49
+    polyline_anywhere(q, mesh.lengths, mesh.starts, *integrals(order), at, start, LENGTH, *results[1])
     # the same integrals, but in powers of the place: their coefficients cancel to some 1e-11
     assert results[1][0] == pytest.approx(results[0][0], abs=1e-10)
     assert results[1][1] == pytest.approx(results[0][1], abs=1e-12)
