@@ -189,7 +189,8 @@ def test_poses_that_wait_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cable_tracker, "MOST_WAITING", 4)
     turns = (1.0, 0.1, 0.9, 0.2, 0.8, 0.3, 0.7, 0.4, 0.6, 0.5)
     tries = (asked(budget, turns, monkeypatch) for budget in BUDGETS)
-    tracker, found = next((tracker, found) for tracker, found in tries if Status.BRANCH_LOST in found)
+    # with some of these budgets the branch is lost for want of any progress
+    tracker, found = next(one for one in tries if cable_tracker.POSES_CUT in one[0].lost.values())
     assert Status.BRANCH_LOST not in found[:5]
     lost = tracker.arrive({"turn": 0.5})["cable"]
     assert lost.status is Status.BRANCH_LOST
