@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -94,10 +95,12 @@ def drawn(kind: str, seed: int, **fields: Any) -> Case:
     )  # fmt: skip
 
 
-ENDS = (
+_CASES = (
     *ends(),
     drawn("pinned", 1),
     drawn("swivel", 2),
     drawn("sliding", 3, axial_force=-5.0),
     drawn("free", 4, force=[2.0, -1.0, 3.0]),
 )
+# other people's methods know two clamps only
+ENDS = tuple(replace(case, baselines=False) for case in _CASES)
