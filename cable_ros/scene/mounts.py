@@ -201,6 +201,12 @@ def check_ends(cable: Section, start: Mount, end: Mount) -> None:
             "end.kind",
         )
     twist_free = any(mount.turns or mount.kind in (PINNED, SWIVEL, FREE) for mount in (start, end))
+    for name, one, other in (("start", start, end), ("end", end, start)):
+        if one.moment.any() and other.kind != CLAMPED:
+            cable.fail(
+                f"{kinds}, and nothing but a clamp takes up a moment; clamp the other end, or leave it out",
+                f"{name}.moment",
+            )
     if "supports" in cable and "total_twist" in cable:
         cable.fail(
             "the twist of a cable with clips is that of its pieces; leave 'total_twist' out",
