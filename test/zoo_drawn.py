@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from zoo_hose import LYING, UPRIGHT
 from zoo_make import led
 
 from cable_ros.bench.cases import TRUSTED, Case, Pose
+from cable_ros.bench.drawn import drawn_case
 
 BACK = [0.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5)]
 """The clamp's tangent against x."""
@@ -165,7 +167,16 @@ def in_slot() -> Case:
     return drawn("a cable in a rough slot", slot, moves)
 
 
+FOUND = {
+    (94, 22): "a hose led across in one step",
+    (94, 26): "a cable across a rough table",
+    (95, 20): "a planar loop on a table leaves its plane: the contact moves along the cable",
+    (96, 44): "a cable to and fro on a rough ground",
+    (96, 48): "a cable up and down two rough beams",
+}
+"""By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (
     pressed_down(), above_ground(), flat(), beside_clamp(), resting_clamp(), thin_floor(), free_to_turn(),
     free_over_drum(), past_bifurcation(), off_beam(), in_slot(),
+    *(replace(drawn_case(*key, 1e-4), name=name) for key, name in FOUND.items()),
 )  # fmt: skip

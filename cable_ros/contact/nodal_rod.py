@@ -242,9 +242,9 @@ class NodalRod(NodalSolver):
         new = NodalRod(self.K, self.natural, self._under, int(FINER * self.cells), self.coulomb)
         new.work, new.tried = self.work, self.tried
         arc_lengths, _, _, forces, obstacles, _, _ = self.contacts()
-        new.twin_error = self.twin_error
         if not new.adopt(self, self.state.q, self.state.F[-1], arc_lengths, forces, obstacles):
             return None
+        new.twin_error = max(new.twin_error, self.twin_error)
         new._estimate = max(new._estimate, new.twin_error)
         return new
 

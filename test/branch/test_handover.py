@@ -12,8 +12,9 @@ from cable_ros.bench.cases import Case, case_scene
 from cable_ros.branch import handover
 from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
 from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.grid_friction import Friction
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.points import FORCE, FRICTION
+from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, SLIPS
 from cable_ros.contact.touching_rod import TouchingRod
 
 
@@ -51,3 +52,38 @@ def test_there_and_back_is_the_same(poses: int) -> None:
     # what sticks has its friction from cells to both sides of the point
     total, before = (p[:, FRICTION : FRICTION + 3].sum(axis=0) for p in (back, points))
     assert np.linalg.norm(total - before) < 2.0 * near * points[:, FORCE].sum()
+
+
+def test_friction_that_is_given_adds_up_to_the_grids() -> None:
+    """What slides may be given more than its cone: it returns to it."""
+    cable = led(in_slot(), 3)
+    grid = handover.nodal(cable.rod, cable._q, cable._F)
+    assert isinstance(grid, NodalRod)
+    friction = Friction.of(grid)
+    rod = cable.rod
+    assert isinstance(rod, TouchingRod)
+    points = rod.points[: rod.count]
+    for o in np.unique(friction.obstacles):
+        theirs, mine = friction.obstacles == o, points[:, OBSTACLE] == o
+        points[mine, SLIPS] = 0.0
+        friction.sliding[theirs] = False  # all of it sticks
+    points[:, FORCE] *= 1.3
+    friction.give(rod)
+    given, total = points[:, FRICTION : FRICTION + 3].sum(axis=0), friction.forces.sum(axis=0)
+    assert given == pytest.approx(total, abs=1e-9 * np.abs(friction.forces).sum())
+
+
+def test_a_finer_grid_stands_where_the_coarser_does() -> None:
+    """Only the error of where contacts are becomes less; that of friction's history stays."""
+    cable = led(in_slot(), 3)
+    grid = handover.nodal(cable.rod, cable._q, cable._F)
+    assert isinstance(grid, NodalRod)
+    grid.twin_error = 0.04
+    fine = grid.finer()
+    assert fine is not None
+    assert fine.cells > grid.cells
+    assert fine.relative_error(fine.shape, fine.end_force) >= 0.04
+    off = np.linalg.norm(fine.end_force - grid.end_force) / np.linalg.norm(grid.end_force)
+    assert off < 0.02  # by about the first grid's own error
+    lost = np.abs(Friction.of(fine).forces.sum(axis=0) - Friction.of(grid).forces.sum(axis=0)).max()
+    assert lost < 0.02 * np.abs(Friction.of(grid).forces).sum()

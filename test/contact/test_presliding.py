@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What sticks yields a little; where a patch begins, it is as long as the gap's curvature says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_ros.contact.detection import half_patch
+from cable_ros.contact.friction_kernels import STICK, stick_stiffness
+
+
+@pytest.mark.parametrize("cone", [0.01, 1.0, 300.0])
+def test_presliding_takes_the_whole_cone(cone: float) -> None:
+    assert stick_stiffness(cone, 0.003) * 0.003 == pytest.approx(cone)
+
+
+def test_nothing_is_stiffer_than_stick() -> None:
+    assert stick_stiffness(1.0, 0.0) == STICK
+    assert stick_stiffness(0.0, 0.01) == STICK
+    assert stick_stiffness(1e3, 1e-9) == STICK
+
+
+def test_a_patch_ends_where_the_cable_is_as_curved_as_the_surface() -> None:
+    """A point force P bends the gap's curvature up by P / 2 per length on each side."""
+    force, curvature = 36.0, -0.05
+    x = np.linspace(-0.1, 0.1, 20_001)
+    bent = curvature + 0.5 * force * np.abs(x)
+    within = x[bent < 0.0]
+    half = half_patch(0.5, curvature, force, 1.0)
+    assert half == pytest.approx(0.5 * (within[-1] - within[0]), abs=2e-5)
+    # it keeps away from the clamps
+    assert half_patch(1e-3, curvature, force, 1.0) == pytest.approx(0.45e-3)
