@@ -221,6 +221,7 @@ class NodalRod(NodalSolver):
             return False
         if pair:
             self.pair()
+            self.twin_error = 0.0  # that friction is the other rod's, without a step on this grid
         return True
 
     def pair(self) -> None:
