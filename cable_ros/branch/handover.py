@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Sought, first_mesh, refine
+from cable_ros.branch.cold_start import LENIENT, LIMIT, Conditions, Found, Sought, first_mesh, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.grid_friction import Friction
 from cable_ros.contact.nodal_contacts import point_count
@@ -127,7 +127,7 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     if code != warm_step.ADVANCED:
         return None
     found, estimate = refine(Found.at(new, q, F), tolerance)
-    if estimate > tolerance or found.rod.forgot or not _same(rod, found):
+    if estimate > tolerance or found.rod.forgot or not _same(rod, found) or not _stays(found, tolerance):
         return None
     return found if _displacement(rod, found) < (MOVED if short else MOVED_PATCH) else None
 
@@ -138,6 +138,13 @@ def _started(rod: NodalRod, mesh: Mesh, tolerance: float, work: float) -> tuple[
     new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     new.work = work
     return new, _shape(rod, mesh)
+
+
+def _stays(found: Found, tolerance: float) -> bool:
+    """Whether its mesh resolves its friction and its contacts, or else it would need a grid at once."""
+    rod, q, F = found.rod, found.q, found.F
+    error = max(float(rod.clamp_errors(q, F).max()), rod.friction_error(q, F))
+    return error <= tolerance and not rod.unresolved(q, LENIENT).any()
 
 
 def _shape(rod: NodalRod, mesh: Mesh) -> np.ndarray:
