@@ -25,7 +25,6 @@ DRAWN = {
     (91, 37): "a tray, dragged along: a grid's error is too large",
     (92, 1): "a drum pushed up into a cable: its branch is lost",
     (92, 7): "a start wrench on a rough edge is 6.8e-4 off",
-    (92, 41): "a lift drawn back: friction's history is not known well enough",
     (93, 2): "rollers without friction: the branch is lost",
     (93, 16): "a contact on a tray is said to stick and moves",
     (93, 17): "a weightless cable in a tray is lost in a long step",
@@ -44,6 +43,10 @@ DRAWN = {
     (96, 125): "a tray, dragged along: it slides 5e-4 of its length the way its friction pushes",
     (96, 138): "a lift without friction: the estimated error is four times the tolerance",
     (96, 146): "rough beams dragged along: the branch is lost",
+    (97, 30): "across a rough edge: the branch is lost",
+    (97, 34): "along two rough beams: friction keeps the error of a grid left long since",
+    (98, 20): "rollers jam a heavy cable: the branch is lost",
+    (98, 36): "rollers jam a heavy cable in small steps: the branch is lost",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 
