@@ -111,10 +111,9 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
     given = min(rod.work, EXACT_WORK)
     new, q = _started(rod, mesh, tolerance, given)
-    q, F = _give_contacts(new, q, rod), rod.end_force
-    friction = Friction.of(rod)
-    new.model = COULOMB
-    new.presliding = PRESLIDING
+    _give_contacts(new, q, rod)
+    F, friction = rod.end_force, Friction.of(rod)
+    new.model, new.presliding = COULOMB, PRESLIDING
     for _ in range(SOLVES):
         q = _shape(rod, new.mesh)  # as far as the last solve led, its friction was wrong
         friction.give(new)

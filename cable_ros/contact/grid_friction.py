@@ -71,9 +71,10 @@ class Friction(NamedTuple):
         if total == 0.0:
             return
         slides = points[:, SLIPS] == 1.0
-        friction[mine] *= min(1.0, float(self.normal[theirs].sum()) / total)
-        missing = self.forces[theirs].sum(axis=0) - friction[mine].sum(axis=0)
-        held = float(pressed[~slides].sum())
+        scale = min(1.0, float(self.normal[theirs].sum()) / total)
+        missing = self.forces[theirs].sum(axis=0) - scale * friction[mine].sum(axis=0)
+        sticks = mine & ~slides
+        held = float(pressed[sticks].sum())
         if held > 0.0:
-            friction[~slides] += pressed[~slides, None] / held * missing
-        friction[mine & slides] *= BEYOND * max(1.0, total / float(self.normal[theirs].sum()))
+            friction[sticks] = scale * friction[sticks] + pressed[sticks, None] / held * missing
+        friction[mine & slides] *= BEYOND
