@@ -58,8 +58,9 @@ setup(
         "cluster": CLUSTER,
         # Material for MkDocs, the last that builds with MkDocs 1; latex2mathml for the equations.
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5,<10", "latex2mathml>=3.77"],
-        # A real arm with its meshes, 130 MB: benchmarks/dress_pack.py and a test that skips without.
-        "benchmarks": ["example-robot-data"],
+        # A real arm with its meshes, 130 MB, for benchmarks/dress_pack.py, and others' experiments, for
+        # benchmarks/cosserat_bench.py; and tests that skip without.
+        "benchmarks": ["example-robot-data", "cosseratbench==0.3.0"],
         "test": TEST,
         "dev": [
             *TEST,

@@ -22,10 +22,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba.core.dispatcher import Dispatcher
 
 from cable_ros import Tracker, load_scene
 from cable_ros.bench.markdown import markdown_table
+from cable_ros.compilation import Kernel
 from cable_ros.share import share_file
 
 MICRO = 1e6
@@ -88,7 +88,7 @@ def timed_kernels() -> dict[str, list[float]]:
     spent: dict[str, list[float]] = defaultdict(list)
     wrapped: dict[int, Callable[..., Any]] = {}
 
-    def timed(kernel: Dispatcher) -> Callable[..., Any]:
+    def timed(kernel: Kernel) -> Callable[..., Any]:
         calls = spent[f"{kernel.py_func.__module__.partition('.')[2]}.{kernel.py_func.__name__}"]
 
         def call(*arguments: Any) -> Any:
@@ -103,7 +103,7 @@ def timed_kernels() -> dict[str, list[float]]:
     for name, module in list(sys.modules.items()):
         if name.startswith("cable_ros"):
             for attribute, value in list(vars(module).items()):
-                if isinstance(value, Dispatcher):
+                if isinstance(value, Kernel):
                     wrapped.setdefault(id(value), timed(value))
                     setattr(module, attribute, wrapped[id(value)])
     return spent

@@ -55,9 +55,14 @@ class Batch:
     stiffness: np.ndarray | None = None
     """(m, c, 6, 6) derivative of the end wrench by a small motion of the end clamp, in its frame; None unless
     it was asked for."""
+    support_wrench: np.ndarray | None = None
+    """(m, s, 6) the same at each of `supports`, about its point and along its axes; None without any."""
     extremes: np.ndarray | None = None
     """(m, c, 4, 2) smallest bend radius, m, largest tension, N, and torsion, rad/m, least clearance, m, each
     with its arc length, m; NaN for a cable without `limits`, None where no cable has any."""
+
+    supports: tuple[tuple[str, str], ...] = ()
+    """(s,) name of the cable and of each of its supports, cable by cable."""
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -90,11 +95,11 @@ def _each(function: Callable[..., np.ndarray], *batches: Batch) -> Batch:
     given = [name for name in OPTIONAL if getattr(first, name) is not None]
     names = ["joints", "joint_load", *PER_CABLE, *given]
     arrays = {name: function(*(getattr(batch, name) for batch in batches)) for name in names}
-    return Batch(first.cables, first.joint_names, **arrays)
+    return Batch(first.cables, first.joint_names, **arrays, supports=first.supports)
 
 
-OPTIONAL = ("stiffness", "extremes")
-PER_CABLE = tuple(field.name for field in fields(Batch))[4 : -len(OPTIONAL)]
+OPTIONAL = ("stiffness", "support_wrench", "extremes")
+PER_CABLE = tuple(field.name for field in fields(Batch))[4 : -len(OPTIONAL) - 1]
 
 
 def with_snaps(batch: Batch, snapped: np.ndarray) -> Batch:

@@ -7,6 +7,7 @@ import dataclasses
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -69,7 +70,8 @@ class Done:
 
 def has_friction(scene: Scene) -> bool:
     """Whether equilibria depend on the path on which they are reached."""
-    return any(obstacle.friction for obstacle in scene.obstacles)
+    rings = any(support.friction for cable in scene.cables for support in cable.supports)
+    return rings or any(obstacle.friction for obstacle in scene.obstacles)
 
 
 def in_one(scene: Scene) -> bool:
@@ -188,7 +190,7 @@ def _solve_row(job: Job, tracker: Tracker, poses: np.ndarray) -> Batch:
     names = tracker.joint_names
     rows = [tracker.arrive(dict(zip(names, pose, strict=True))) for pose in poses.tolist()]
     cables = tuple(cable.name for cable in job.scene.cables)
-    arrays = {
+    arrays: dict[str, Any] = {
         name: np.array([[getattr(row[cable], name) for cable in cables] for row in rows])
         for name in (*PER_CABLE, *(["stiffness"] if job.stiffness else []))
     }
@@ -199,7 +201,16 @@ def _solve_row(job: Job, tracker: Tracker, poses: np.ndarray) -> Batch:
     for values in arrays.values():
         if values.dtype == float:
             values[refused] = np.nan
-    return batch
+    supports = tuple((cable.name, one.name) for cable in job.scene.cables for one in cable.supports)
+    if not supports:
+        return batch
+    wrenches = [[_support_wrench(row[cable], name) for cable, name in supports] for row in rows]
+    return dataclasses.replace(batch, supports=supports, support_wrench=np.array(wrenches))
+
+
+def _support_wrench(found: Equilibrium, name: str) -> np.ndarray:
+    """(6,) of a trusted result, otherwise NaN."""
+    return found.support_wrenches[name] if found.status.trusted else np.full(6, np.nan)
 
 
 def _extremes(found: Equilibrium) -> np.ndarray:

@@ -86,7 +86,9 @@ def explain(
     ]
     variants = _variants(scene, present)
     cables = tuple(
-        dataclasses.replace(c, total_twist=base[c.name].total_twist) if base[c.name].converged else c
+        dataclasses.replace(c, total_twist=base[c.name].total_twist)
+        if base[c.name].converged and not c.supports
+        else c
         for c in scene.cables
     )
     on_branch = dataclasses.replace(scene, cables=cables)
@@ -120,7 +122,7 @@ def _variants(scene: Scene, present: Sequence[tuple[str, ...]]) -> dict[str, lis
             continue
         else:
             names = union | {name}
-        if "contact" in names and names & {"stretch", "shear"}:
+        if {"contact", "shear"} <= names or {"contact", "friction", "stretch"} <= names:
             continue  # not together yet
         out[name] = sorted(names)
     return out

@@ -14,7 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_ros.branch.pieces import response, runs
 from cable_ros.equilibrium import Equilibrium
+from cable_ros.linalg.cross import cross
 from cable_ros.rod.quaternion import matrices_from_ros
 from cable_ros.scene.model import FREE
 from cable_ros.tracker import Tracker
@@ -54,16 +56,18 @@ def joint_load(
     wrenches, jacobians = _wrenches_and_jacobians(tracker, equilibria, joints)
     torque, stiffness = np.zeros(n), np.zeros((n, n))
     pressed = _pressed_obstacles(tracker, equilibria, joints)
-    for found, J, W in zip(_pieces(tracker, equilibria), jacobians, wrenches, strict=True):
-        touched = {name: obstacle for name, obstacle in pressed.items() if name in found.obstacle_wrenches}
-        for at in (slice(0, 6), slice(6, 12)):
-            stiffness += np.triu(_brackets(J[at], W[at]), 1)
-        for name, obstacle in touched.items():
-            stiffness += np.triu(_brackets(obstacle, found.obstacle_wrenches[name]), 1).T
-        response = found.wrench_response(list(touched)) if touched else found.clamp_stiffness
-        J = np.concatenate([J, *touched.values()])
-        torque += J.T @ np.concatenate([W, *(found.obstacle_wrenches[name] for name in touched)])
-        stiffness += J.T @ (response @ J)
+    pieces = _pieces(tracker, equilibria)
+    for run in runs(pieces):
+        J, W = jacobians[run].reshape(12 * len(run), n), wrenches[run].ravel()
+        exerted = _on_obstacles([pieces[i] for i in run], pressed)
+        touched = [pressed[name] for name in exerted]
+        for i in range(0, len(W), 6):
+            stiffness += np.triu(_brackets(J[i : i + 6], W[i : i + 6]), 1)
+        for obstacle, wrench in zip(touched, exerted.values(), strict=True):
+            stiffness += np.triu(_brackets(obstacle, wrench), 1).T
+        J = np.concatenate([J, *touched])
+        torque += J.T @ np.concatenate([W, *exerted.values()])
+        stiffness += J.T @ (response(pieces, run, list(exerted)) @ J)
     return JointLoad(torque, stiffness)
 
 
@@ -287,9 +291,19 @@ def _pressed_obstacles(
     return {obstacles[i].name: jacobian for i, jacobian in zip(which, jacobians, strict=True)}
 
 
+def _on_obstacles(found: Sequence[Equilibrium], names: Iterable[str]) -> dict[str, np.ndarray]:
+    """What these pieces together exert on the named obstacles, for those that they touch; (6,) each."""
+    out: dict[str, np.ndarray] = {}
+    for name in names:
+        each = [one.obstacle_wrenches[name] for one in found if name in one.obstacle_wrenches]
+        if each:
+            out[name] = sum(each[1:], each[0])
+    return out
+
+
 def _brackets(J: np.ndarray, W: np.ndarray) -> np.ndarray:
     """(n, n) work of the wrench W (6,) on the Lie brackets [J_i, J_k] of the twists J (6, n)."""
     v, w = J[:3].T, J[3:].T
-    mixed = np.cross(w[:, None], v[None]) + np.cross(v[:, None], w[None])
-    work: np.ndarray = mixed @ W[:3] + np.cross(w[:, None], w[None]) @ W[3:]
+    mixed = cross(w[:, None], v[None]) + cross(v[:, None], w[None])
+    work: np.ndarray = mixed @ W[:3] + cross(w[:, None], w[None]) @ W[3:]
     return work

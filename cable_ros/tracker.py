@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from cable_ros.branch import effect_selection
-from cable_ros.branch.cable_tracker import CableTracker
+from cable_ros.branch.coupled_pieces import coupled_pieces, kinds
 from cable_ros.branch.pieces import joined, shares
 from cable_ros.branch.results import failed
-from cable_ros.common.compile_watch import GETTING, listen
+from cable_ros.common.compile_watch import GETTING
 from cable_ros.common.packing import pack, unpack
 from cable_ros.contact.overlaps import OUTLINE, Pairs
 from cable_ros.effects.contact import encode
@@ -26,12 +26,13 @@ from cable_ros.robot_overlaps import RobotOverlaps
 from cable_ros.scene import Kinematics, Scene, load_scene
 from cable_ros.scene.joint_limits import IGNORE, MODES, REFUSE, WARN, JointLimits
 
-listen()
-
 ABSURD = 1e4
 """Joint values beyond this many rad or m are taken for a fault of the sender, not for a pose."""
 MOST_POINTS = 100_001
 """Points of a polyline."""
+
+
+NOTHING: dict[int, Equilibrium] = {}
 
 
 class Tracker:
@@ -68,9 +69,10 @@ class Tracker:
         names = [obstacle.name for obstacle in self.scene.obstacles]
         self._pieces = self.scene.pieces
         self._tracked_cables = tuple(
-            CableTracker(piece, properties(self.scene, piece), self._tolerance, self._polyline_points, names)
-            for piece in self._pieces
+            kind(piece, properties(self.scene, piece), self._tolerance, self._polyline_points, names)
+            for kind, piece in zip(kinds(self.scene), self._pieces, strict=True)
         )
+        self._coupled = coupled_pieces(self.scene, self._tracked_cables)
         self._groups: list[range] = []  # by cable: the numbers of its pieces
         for cable in self.scene.cables:
             begin = self._groups[-1].stop if self._groups else 0
@@ -131,11 +133,28 @@ class Tracker:
 
     def _share_points(self) -> None:
         """Tell the pieces of cables with clips where their points are."""
-        for cable, group in zip(self.scene.cables, self._groups, strict=True):
-            if len(group) > 1:
-                for i, fractions in zip(group, shares(cable, self._polyline_points), strict=True):
-                    self._tracked_cables[i].fractions = fractions
-                    self._tracked_cables[i].polyline_points = len(fractions)
+        for index in range(len(self._groups)):
+            self._share(index)
+
+    def _share(self, index: int) -> None:
+        """Tell the pieces of a cable where their points are."""
+        group = self._groups[index]
+        if len(group) > 1:
+            for i, fractions in zip(group, shares(self._cuts(index), self._polyline_points), strict=True):
+                tracked = self._tracked_cables[i]
+                tracked.polyline_points = len(fractions)
+                if tracked.fractions is None or not np.array_equal(tracked.fractions, fractions):
+                    tracked.fractions = fractions  # another array is another table of where they are
+
+    def _cuts(self, index: int) -> list[float]:
+        """Arc lengths of start, supports and end of a cable at present, m."""
+        cable, group = self.scene.cables[index], self._groups[index]
+        cuts = [0.0, *(support.arc_length for support in cable.supports), cable.length]
+        for coupled in self._coupled:
+            if coupled.first in group:
+                begin = coupled.first - group[0]
+                cuts[begin + 1 : begin + len(coupled.pieces)] = (cuts[begin] + coupled.arcs).tolist()
+        return cuts
 
     @property
     def joint_limits(self) -> str:
@@ -153,6 +172,8 @@ class Tracker:
         self._joints = None
         for tracked in self._tracked_cables:
             tracked.reset()
+        for coupled in self._coupled:
+            coupled.reset()
 
     def set_environment(self, values: Mapping[str, Any]) -> None:
         """Temperature, dose and what else the scene has tables for; holds until changed, also over `reset`.
@@ -173,7 +194,7 @@ class Tracker:
             if after[cable.name] != tracked.environment:
                 tracked.environment = after[cable.name]
                 new = properties(self.scene, cable, environment=tracked.environment)
-                tracked.change_properties(new, self.kinematics.poses, i)
+                tracked.change_properties(new, self._clamp_poses(i), i)
                 tracked.choice = None
 
     @property
@@ -195,11 +216,14 @@ class Tracker:
 
     def snapshot(self) -> bytes:
         """What the next solve starts from, for `restore`, also in another process with the same versions."""
-        return pack(self._tracked_cables)
+        return pack((self._tracked_cables, self._coupled) if self._coupled else self._tracked_cables)
 
     def restore(self, snapshot: bytes) -> None:
         """Go on from a snapshot of a tracker of the same scene; tolerance and polyline points stay."""
-        self._tracked_cables = unpack(snapshot)
+        if self._coupled:
+            self._tracked_cables, self._coupled = unpack(snapshot)
+        else:
+            self._tracked_cables = unpack(snapshot)
         for tracked in self._tracked_cables:
             tracked.tolerance, tracked.polyline_points = self._tolerance, self._polyline_points
         self._share_points()
@@ -231,12 +255,16 @@ class Tracker:
         values = np.array(numbers)
         each = []
         poses = self.kinematics.poses(values)
+        together = self._solve_coupled(values, poses, begin) if self._coupled else NOTHING
         for i, tracked in enumerate(self._tracked_cables):
-            if self._auto:
-                self._prepare(i)
-            found = tracked.solve(self.kinematics, i, values, poses[i], begin)
-            if self._auto and found.converged and self._review(i, found):
+            if i in together:
+                found = together[i]
+            else:
+                if self._auto:
+                    self._prepare(i)
                 found = tracked.solve(self.kinematics, i, values, poses[i], begin)
+                if self._auto and found.converged and self._review(i, found):
+                    found = tracked.solve(self.kinematics, i, values, poses[i], begin)
             if GETTING.seconds != code:  # compiled, or loaded: once in a process
                 spent, code = GETTING.seconds - code, GETTING.seconds
                 found = dataclasses.replace(found, solve_time=max(found.solve_time - spent, 0.0))
@@ -264,8 +292,30 @@ class Tracker:
                 out[cable.name] = each[group[0]]
                 continue
             found = [each[i] for i in group]
-            out[cable.name] = joined(cable, found, partial(self._outline, index, poses))
+            out[cable.name] = joined(cable, found, self._cuts(index), partial(self._outline, index, poses))
         return out
+
+    def _solve_coupled(self, joints: np.ndarray, poses: np.ndarray, begin: float) -> dict[int, Equilibrium]:
+        """The results of the pieces that share supports, by number; in `poses` their sections take the place
+        of the mounts that they turn in.
+        """
+        out: dict[int, Equilibrium] = {}
+        for coupled in self._coupled:
+            index = next(k for k, group in enumerate(self._groups) if coupled.first in group)
+            mounts = poses[coupled.which]
+            found = coupled.solve(self.kinematics, joints, mounts, begin, partial(self._share, index))
+            out.update(enumerate(found, coupled.first))
+            if coupled.state is not None:
+                poses[coupled.which] = [place.poses for place in coupled.places(mounts)]
+            begin = time.perf_counter()
+        return out
+
+    def _clamp_poses(self, index: int) -> Callable[[np.ndarray], np.ndarray]:
+        """`Kinematics.poses`, with the sections of the piece in the place of mounts that they turn in."""
+        for coupled in self._coupled:
+            if index in range(coupled.first, coupled.first + len(coupled.pieces)):
+                return partial(coupled.held, self.kinematics)
+        return self.kinematics.poses
 
     def _watch(self, index: int, joints: np.ndarray, poses: np.ndarray, found: Equilibrium) -> Equilibrium:
         """The result of a piece such that it tells its extremes, if it is trusted."""
@@ -306,12 +356,12 @@ class Tracker:
 
     def _outline(self, index: int, poses: np.ndarray) -> np.ndarray:
         """(OUTLINE, 3) polyline of a cable by its number, world, m."""
-        cable, group = self.scene.cables[index], self._groups[index]
+        group = self._groups[index]
         tracked = [self._tracked_cables[i] for i in group]
         outlines = [one.outline(one.origin(poses[i])) for i, one in zip(group, tracked, strict=True)]
         if len(group) == 1:
             return outlines[0]
-        parts = zip(outlines, shares(cable, OUTLINE), strict=True)
+        parts = zip(outlines, shares(self._cuts(index), OUTLINE), strict=True)
         own = np.linspace(0.0, 1.0, OUTLINE)
         return np.concatenate(
             [np.stack([np.interp(at, own, line[:, a]) for a in range(3)], axis=1) for line, at in parts]

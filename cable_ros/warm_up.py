@@ -27,6 +27,24 @@ _LOOSE: dict[str, Any] = {
     ],
 }
 """A cable that touches nothing."""
+_PULLED: dict[str, Any] = {
+    "gravity": [0.0, 0.0, -9.81],
+    "obstacles": [
+        {"name": "bar", "capsule": {"start": [0.3, -0.5, -0.05], "end": [0.3, 0.5, -0.05], "radius": 0.03}}
+    ],
+    "cables": [
+        {
+            "name": "cable",
+            "length": 0.8,
+            "stiffness": [0.002, 0.002, 0.0015],
+            "linear_density": 0.08,
+            "axial_stiffness": 60.0,
+            "start": {"position": [0.0, 0.0, 0.0], "rpy": [0.0, 1.570796, 0.0]},
+            "end": {"position": [0.8, 0.0, 0.0], "rpy": [0.0, 1.570796, 0.0]},
+        }
+    ],
+}
+"""A cable that stretches over a bar."""
 _DRAWN: dict[str, Any] = {
     "gravity": [0.0, 0.0, -20.0],
     "obstacles": [
@@ -80,6 +98,8 @@ def warm_up(tracker: Tracker) -> None:
     tracker.reset()
     if tracker.scene.obstacles:
         rehearse_contact()
+        if any(cable.axial_stiffness is not None for cable in tracker.scene.cables):
+            _solve(Tracker(load_scene(_PULLED)), {})
 
 
 def rehearse_all() -> None:
@@ -89,6 +109,7 @@ def rehearse_all() -> None:
     for fields in ({}, stretches, {"end": cable["end"] | {"kind": "pinned"}}):
         _solve(Tracker(load_scene(_LOOSE | {"cables": [cable | fields]})), {})
     _rehearse_arm("space_arm.yaml", (0.0, 0.5))
+    _solve(Tracker(load_scene(_PULLED)), {})
     rehearse_contact()
 
 

@@ -36,9 +36,10 @@ def alone(arm):
 
 def same(a: Batch, b: Batch) -> bool:
     names = [field.name for field in dataclasses.fields(Batch)][2:-2]
+    pairs = [(getattr(a, name), getattr(b, name)) for name in names]
     return all(
-        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=getattr(a, name).dtype == float)
-        for name in names
+        one is other if one is None else np.array_equal(one, other, equal_nan=one.dtype == float)
+        for one, other in pairs
     )
 
 

@@ -100,21 +100,24 @@ def clipped_arm(link: str | None = "turret") -> dict[str, Any]:
     return scene
 
 
+def load_at(tracker: Tracker, angle: float) -> tuple[float, float, float]:
+    """Torque and stiffness of the cable on the arm's one joint at an angle, rad, and its energy: SI units."""
+    (name,) = tracker.joint_names
+    joints = {name: angle}
+    found = tracker.arrive(joints)
+    assert found["camera_cable"].status.trusted
+    load = joint_load(tracker, found, joints)
+    (many,) = joint_torques(tracker, [found], np.array([[angle]]))
+    assert many == pytest.approx(load.torque, rel=1e-12, abs=1e-15)
+    return float(load.torque[0]), float(load.stiffness[0, 0]), found["camera_cable"].energy
+
+
 @pytest.mark.parametrize("link", ["turret", None])
 def test_joint_load_counts_clips_by_virtual_work(link):
     tracker = Tracker(clipped_arm(link), tolerance=1e-9)
-    (name,) = tracker.joint_names
-
-    def at(angle: float) -> tuple[float, float, float]:
-        found = tracker.arrive({name: angle})
-        assert found["camera_cable"].status.trusted
-        load = joint_load(tracker, found, {name: angle})
-        (many,) = joint_torques(tracker, [found], np.array([[angle]]))
-        assert many == pytest.approx(load.torque, rel=1e-12, abs=1e-15)
-        return float(load.torque[0]), float(load.stiffness[0, 0]), found["camera_cable"].energy
-
     step = 1e-4
-    (before, _, low), (torque, slope, _), (after, _, high) = (at(0.35 + d) for d in (-step, 0.0, step))
+    angles = (0.35 - step, 0.35, 0.35 + step)
+    (before, _, low), (torque, slope, _), (after, _, high) = (load_at(tracker, one) for one in angles)
     size = max(abs(torque), 1e-3)
     assert torque == pytest.approx((low - high) / (2 * step), abs=1e-5 * size)
     assert slope == pytest.approx((after - before) / (2 * step), abs=1e-4 * max(abs(slope), size))
@@ -184,7 +187,7 @@ def test_many_poses_and_branches_of_a_cable_with_clips():
 
 CLIP = {"arc_length": 0.3, "position": [0.3, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
 MISTAKES = {
-    "supports[0].ring": ([{"name": "a", "ring": {}}], "no such field"),
+    "supports[0].hook": ([{"name": "a", "hook": {}}], "no such field"),
     "supports": ([{"name": "a", "clip": CLIP | {"arc_length": 1.2}}], "between the arc lengths"),
     "supports[1].name": ([{"name": "a", "clip": CLIP}, {"name": "a", "clip": CLIP}], "already the name"),
     "supports[0].name": ([{"name": "end", "clip": CLIP}], "taken by an end"),
@@ -205,7 +208,7 @@ def test_what_makes_no_sense_is_one_sentence_with_its_field(field):
 
 def test_the_example_of_the_page_is_held_by_its_clip():
     page = Path(__file__).parents[1] / "docs" / "ends.md"
-    _, example = [block.text for block in blocks(page) if block.language == "yaml"]
+    _, example, _ = [block.text for block in blocks(page) if block.language == "yaml"]
     scene = parse_yaml(example, str(page))
     found = Tracker(scene).arrive({})["dress_pack"]
     assert found.status is Status.CONVERGED, found.message

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from cable_ros import compilation
-from cable_ros.compilation import PACKAGE, sources
+from cable_ros.compilation import PACKAGE, njit, sources
 
 MODULES = {
     "inner.py": """
@@ -37,8 +37,11 @@ MODULES = {
     "beside.py": "VALUE = 1\n",
 }
 CALL = """
+import sys
 from somewhere.outer import outer
-print(outer(10.0), sum(outer.stats.cache_hits.values()), sum(outer.stats.cache_misses.values()))
+value = outer(10.0)
+hits = 0 if "numba" not in sys.modules else sum(outer.stats.cache_hits.values())
+print(value, "kept" if "numba" not in sys.modules else "loaded" if hits else "compiled")
 """
 
 
@@ -62,13 +65,21 @@ def python(code: str, *arguments: str, path: Path, **environment: str) -> subpro
     return subprocess.run(run, env=environment, check=True, capture_output=True, text=True)
 
 
-def call(package: Path) -> tuple[float, bool]:
-    """What `outer(10.0)` is in a new process, and whether its code came from the cache."""
+def call(package: Path) -> tuple[float, str]:
+    """What `outer(10.0)` is in a new process, and where its code is from.
+
+    It was kept and ran without Numba; or Numba loaded it; or compiled it.
+    """
     done = python(CALL, path=package.parent)
     assert done.stderr == ""
-    value, hits, misses = done.stdout.split()
-    assert {hits, misses} == {"0", "1"}
-    return float(value), hits == "1"
+    value, origin = done.stdout.split()
+    return float(value), origin
+
+
+def leave_it_to_numba(package: Path) -> None:
+    """Take away what would be used without Numba."""
+    for file in kept(package, "code"):
+        file.unlink()
 
 
 def replace(file: Path, old: str, new: str) -> None:
@@ -77,37 +88,37 @@ def replace(file: Path, old: str, new: str) -> None:
 
 
 def test_code_of_another_file_is_compiled_anew_where_it_is_used(package):
-    assert call(package) == (21.0, False)
-    assert call(package) == (21.0, True)
+    assert call(package) == (21.0, "compiled")
+    assert call(package) == (21.0, "kept")
     replace(package / "inner.py", "return FACTOR", "return 10.0 + FACTOR")
-    assert call(package) == (31.0, False)
+    assert call(package) == (31.0, "compiled")
     replace(package / "inner.py", "FACTOR = 2.0", "FACTOR = 3.0")
-    assert call(package) == (41.0, False)
+    assert call(package) == (41.0, "compiled")
     replace(package / "beside.py", "1", "2")
-    assert call(package) == (41.0, True)
+    assert call(package) == (41.0, "kept")
 
 
 def test_code_is_not_taken_without_that_of_its_callee(package):
     """What `outer` calls has a name with a number in it that another process gives otherwise."""
-    assert call(package) == (21.0, False)
-    for file in (package / "__pycache__").glob("inner.inner*"):
+    assert call(package) == (21.0, "compiled")
+    for file in (package / "__pycache__").glob("*inner.inner*"):
         file.unlink()
-    assert call(package) == (21.0, False)
-    assert call(package) == (21.0, True)
-    for file in (package / "__pycache__").glob("inner.inner*"):
+    assert call(package) == (21.0, "compiled")
+    assert call(package) == (21.0, "kept")
+    for file in (package / "__pycache__").glob("*inner.inner*"):
         file.unlink()
     python("from somewhere.inner import inner; inner(1); inner(1.0)", path=package.parent)
-    assert call(package) == (21.0, False)
-    assert call(package) == (21.0, True)
+    assert call(package) == (21.0, "compiled")
+    assert call(package) == (21.0, "kept")
 
 
 def test_code_of_a_callee_is_not_kept_again(package):
     """`outer` keeps its own code, that of its entry from Python, and the name of what it calls."""
-    assert call(package) == (21.0, False)
+    assert call(package) == (21.0, "compiled")
     (kept_outer,) = (file for file in kept(package, "nbc") if file.name.startswith("outer"))
     replace(package / "inner.py", "return FACTOR * x", "return " + " + ".join(["x / (FACTOR + x)"] * 200))
     before = kept_outer.stat().st_size
-    assert call(package)[1] is False
+    assert call(package)[1] == "compiled"
     assert abs(kept_outer.stat().st_size - before) < 0.1 * before
 
 
@@ -191,7 +202,8 @@ def test_sources_are_followed_through_all_imports():
     found = {str(path.relative_to(PACKAGE)) for path in sources(PACKAGE / "rod" / "warm_step.py")}
     # warm_step.py uses bordered.py, and that banded.py, imported as a module of its package
     assert {"compilation.py", "rod/warm_step.py", "linalg/bordered.py", "linalg/banded.py"} <= found
-    assert not any(path.startswith(("ros/", "cli/", "log/")) for path in found)
+    assert {"kept_code.py", "kernel_compiler.py"} <= found  # they make the code
+    assert not any(path.startswith(("ros/", "cli/", "log/", "tracker", "contact/")) for path in found)
 
 
 def test_every_compiled_file_takes_this_njit():
@@ -213,33 +225,97 @@ def kept(package: Path, ending: str) -> list[Path]:
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
 def test_files_cut_short_are_replaced(package, ending, size):
     """As a power failure leaves them."""
-    assert call(package) == (21.0, False)
+    assert call(package) == (21.0, "compiled")
+    leave_it_to_numba(package)
     for file in kept(package, ending):
         os.truncate(file, size)
-    assert call(package) == (21.0, False)
-    assert call(package) == (21.0, True)
+    assert call(package) == (21.0, "compiled")
+    leave_it_to_numba(package)
+    assert call(package) == (21.0, "loaded")
+    assert call(package) == (21.0, "kept")
+
+
+@pytest.mark.parametrize("size", [0, 100])
+def test_kept_code_cut_short_is_replaced(package, size):
+    assert call(package) == (21.0, "compiled")
+    for file in kept(package, "code"):
+        os.truncate(file, size)
+    assert call(package) == (21.0, "loaded")
+    assert call(package) == (21.0, "kept")
 
 
 def test_code_of_other_sources_is_not_taken(package):
     """Before and after an update, two processes write at once: the index of one, the data of the other."""
-    assert call(package) == (21.0, False)
-    for file in kept(package, "nbc"):
+    assert call(package) == (21.0, "compiled")
+    files = kept(package, "nbc") + kept(package, "code")
+    for file in files:
         shutil.copy(file, package / file.name)
     replace(package / "inner.py", "FACTOR = 2.0", "FACTOR = 3.0")
-    assert call(package) == (31.0, False)
-    for file in kept(package, "nbc"):
+    assert call(package) == (31.0, "compiled")
+    for file in files:
         shutil.copy(package / file.name, file)
-    assert call(package) == (31.0, False)
-    assert call(package) == (31.0, True)
+    assert call(package) == (31.0, "compiled")
+    assert call(package) == (31.0, "kept")
+
+
+def test_code_of_another_maker_is_not_taken(package):
+    """Another processor, Numba or NumPy; here another setting of Numba's."""
+    assert call(package) == (21.0, "compiled")
+    done = python(CALL, path=package.parent, NUMBA_OPT="2")
+    assert done.stdout.split()[1] != "kept"
 
 
 def test_a_disk_that_takes_nothing_stops_nothing(package):
     """A folder in the place of a file is as good as a full disk: neither can be written."""
     call(package)
-    for file in kept(package, "nbi"):
+    for file in kept(package, "nbi") + kept(package, "code"):
         file.unlink()
         file.mkdir()
-    assert call(package) == (21.0, False)
+    assert call(package) == (21.0, "compiled")
+
+
+def test_an_entry_takes_arguments_of_its_types_alone():
+    """What the code was not compiled for must not be read as if it were."""
+
+    @compilation.njit()
+    def total(x, pair, n, factor):
+        out = np.zeros(2)
+        for i in range(n):
+            out[0] += factor * x[i] + pair[1][i]
+        out[1] = len(x)
+        return out
+
+    x = np.arange(4.0)
+    pair = (1, np.ones(4))
+    assert list(total(x, pair, 4, 2.0)) == [16.0, 4.0]
+    entry = total._entry
+    frozen = x.copy()
+    frozen.flags.writeable = False
+    for other in (x[::-1], x.astype(int), x.astype("f4"), frozen, list(x)):
+        with pytest.raises(TypeError):
+            entry(other, pair, 4, 2.0)
+        with pytest.raises(TypeError):
+            entry(x, (1, other), 4, 2.0)
+        if not isinstance(other, list):
+            assert list(total(other, pair, 4, 2.0)) == [16.0, 4.0]
+    for other in (x.reshape(1, 4), x.astype(">f8"), x.astype(complex), None, 1.0):
+        with pytest.raises(TypeError):
+            entry(other, pair, 4, 2.0)
+    for other in ((1,), x, None):
+        with pytest.raises((TypeError, ValueError)):
+            entry(x, other, 4, 2.0)
+    for count in (4.0, None, x):
+        with pytest.raises(TypeError):
+            entry(x, pair, count, 2.0)
+    assert list(entry(x, pair, np.int32(4), 2)) == [16.0, 4.0]
+    with pytest.raises(TypeError):
+        total(x, pair, 4)
+
+
+def test_a_solve_whose_code_is_kept_needs_no_numba():
+    code = "import sys; from cable_ros.warm_up import rehearse_contact; rehearse_contact(); "
+    python(code, path=PACKAGE.parent)  # which may compile
+    assert python(code + "print('numba' in sys.modules)", path=PACKAGE.parent).stdout == "False\n"
 
 
 def test_no_folder_to_keep_code_in_is_told_once(package, tmp_path):
@@ -320,3 +396,19 @@ def test_the_arithmetic_is_that_which_is_written():
         if relaxed.search(path.read_text(encoding="utf-8"))
     ]
     assert found == ["baselines/published_kernels.py"]
+
+
+def test_a_function_that_fails_is_not_run_again() -> None:
+    """It has changed its arguments: what it made of them twice could pass for an answer."""
+
+    @njit()
+    def factor(a: np.ndarray) -> None:
+        a[0] += 1.0
+        if a[1] == 0.0:
+            raise np.linalg.LinAlgError("a singular matrix")
+
+    factor(np.ones(2))
+    a = np.zeros(2)
+    with pytest.raises(np.linalg.LinAlgError):
+        factor(a)
+    assert a[0] == 1.0

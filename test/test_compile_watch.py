@@ -15,6 +15,7 @@ from cable_ros.common.compile_watch import COMPILING, GETTING, Watch
 from cable_ros.share import share_file
 from cable_ros.warm_up import rehearse_all
 
+compile_watch.listen()
 ARM = str(share_file("config", "space_arm.yaml"))
 
 

@@ -476,7 +476,7 @@ def test_effects_are_chosen_by_a_wrench_that_they_change():
 
 def test_the_example_of_the_page_is_as_it_says():
     page = Path(__file__).parents[1] / "docs" / "ends.md"
-    example, _ = [block.text for block in blocks(page) if block.language == "yaml"]
+    example, *_ = [block.text for block in blocks(page) if block.language == "yaml"]
     scene = parse_yaml(example, str(page))
     found = Tracker(scene).arrive({})
     hose, lamp = found["hose"], found["lamp"]

@@ -20,6 +20,7 @@ from references.reference import Reference, planar_frame
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case, refined
+from cable_ros.share import share_file
 
 MU, RADIUS, WRAP = 0.35, 0.15, 1.4
 CENTRE = contact.cylinder_centre(RADIUS, WRAP)
@@ -156,6 +157,16 @@ def test_a_taut_rod_over_a_drum_is_a_capstan(tolerance: float) -> None:
     assert np.log(pulls[1] / pulls[0]) == pytest.approx(
         np.log(exact[1] / exact[0]), abs=max(tolerance, STUCK)
     )
+
+
+def test_slip_over_a_ball_has_its_direction_to_the_tolerance() -> None:
+    """A point that slips a little in each step: an error of its small displacement turns the friction."""
+    loose, tight = (Tracker(str(share_file("config", "space_arm_sphere.yaml")), tol) for tol in (1e-7, 1e-9))
+    for degrees in np.arange(41.0, 52.0, 0.5):
+        joints = {"orientation": float(np.radians(degrees))}
+        (found,), (exact,) = loose.arrive(joints).values(), tight.arrive(joints).values()
+    assert any(touched.sliding for touched in found.contacts)
+    assert error(found.end_wrench, exact.end_wrench) < 1e-7
 
 
 def test_ground_drawn_lengthwise_under_a_cable_that_is_lifted() -> None:

@@ -90,7 +90,7 @@ class Step:
     def impossible(self) -> bool:
         """Whether it was said that the cable is too short for any equilibrium, and rightly."""
         return (
-            self.equilibrium.status is Status.OUT_OF_REACH
+            (self.equilibrium.status is Status.OUT_OF_REACH or says_taut(self.equilibrium))
             and self.fault is None
             and self.paths is not None
             and self.paths.too_long
@@ -237,6 +237,11 @@ def solve_step(
             verification, fault = None, "trusted without usable joints" if trusted else None
         steps.append(Step(answers[name], rod, verification, seconds, fault, scene, paths))
     return steps
+
+
+def says_taut(answer: Equilibrium) -> bool:
+    """Whether the answer is that an obstacle has pulled the cable taut, so that its branch has an end."""
+    return answer.status is Status.NOT_CONVERGED and "is taut around" in answer.message
 
 
 def reach_fault(answer: Equilibrium, paths: PathBounds, length: float) -> str | None:

@@ -32,10 +32,11 @@ from cable_ros.bench.cases import (
     reach_fault,
     relative_difference,
     rods,
+    says_taut,
 )
 from cable_ros.bench.contact_checks import surfaces
 from cable_ros.bench.drawn import refined
-from cable_ros.bench.path_bounds import path_bounds
+from cable_ros.bench.path_bounds import path_bounds, pulled_taut
 from cable_ros.equilibrium import Contact, Equilibrium, Status
 from cable_ros.scene import Scene
 from cable_ros.scene.kinematics import Kinematics
@@ -127,8 +128,11 @@ def run_drawn(case: Case, finer: int = FINER) -> Drawn:
         watched = _watched(answers)
         for i, joints in enumerate(case.path):
             before = None if i == 0 else (answers[i - 1], case.path[i - 1])
+            shape = next((one.points for one in reversed(answers[:i]) if one.status.trusted), None)
             poses.append(
-                _judged(case, scene, kinematics, i, joints, answers[i], seconds[i], before, i in watched)
+                _judged(
+                    case, scene, kinematics, i, joints, answers[i], seconds[i], before, i in watched, shape
+                )
             )
         if finer > 1 and len(case.path) > 1:
             path = refined(case.path, finer)
@@ -174,7 +178,9 @@ def _watched(answers: Sequence[Equilibrium]) -> set[int]:
 def _judged(
     case: Case, scene: Scene, kinematics: Kinematics, index: int, joints: Pose,
     found: Equilibrium, seconds: float, before: tuple[Equilibrium, Pose] | None, look: bool,
+    shape: np.ndarray | None,
 ) -> Judged:  # fmt: skip
+    """Judge the answer at `joints`; `shape`: (n, 3) of the last trusted one before, m."""
     (cable,) = scene.cables
     rod = rods(scene, kinematics, joints)[cable.name]
     verification, fault, paths = None, None, None
@@ -183,8 +189,13 @@ def _judged(
         verification, fault = judge(rod, found, case.tolerance, met)
         if found.status.name in ("OUT_OF_REACH", "NOT_CONVERGED"):
             distances = {name: surface.signed for name, surface in met.items()}
-            paths = path_bounds(rod.start[:3], rod.end[:3], rod.length, distances)
-            fault = reach_fault(found, paths, rod.length)
+            ends = rod.start[:3], rod.end[:3], rod.length, distances
+            if shape is not None and says_taut(found):
+                paths = pulled_taut(shape, *ends)
+                fault = f"said to be taut, but {paths.describe(rod.length)}" if paths.fits else None
+            else:
+                paths = path_bounds(*ends)
+                fault = reach_fault(found, paths, rod.length)
     step = Step(found, rod, verification, seconds, fault, scene, paths)
     inconsistent = None if before is None else friction_fault(scene, kinematics, before, (found, joints))
     return Judged(index, step, look or not found.status.trusted, inconsistent)

@@ -119,6 +119,19 @@ def path_bounds(
     return PathBounds(lower, upper)
 
 
+def pulled_taut(
+    shape: np.ndarray, start: np.ndarray, end: np.ndarray, length: float, obstacles: Mapping[str, Distance]
+) -> PathBounds:
+    """The same for the paths that a cable can be pulled to from its `shape` (n, 3), m, the ends moved."""
+    scaled = _Distances(start, length, list(obstacles.values()))
+    at = np.linspace(0.0, 1.0, len(shape))[:, None]
+    moved = shape + (1.0 - at) * (start - shape[0]) + at * (end - shape[-1])
+    energy, string = _taut((moved - start) / length, scaled)
+    bound = math.sqrt(2.0 * energy)
+    caught = bound >= (1.0 + CAUGHT) * _length(string)
+    return PathBounds(0.0, math.inf) if caught else PathBounds(bound, _outside(string, scaled))
+
+
 class _Distances:
     """Distance from the nearest of all obstacles, in lengths of the cable from its start clamp."""
 

@@ -43,4 +43,5 @@ def switch_branch(
         if code == warm_step.ADVANCED:
             break
         unstable = unstable or code == warm_step.NOT_CONVEX
+    rod.linearize(q, F)  # on the mesh that was put back
     return None

@@ -55,6 +55,10 @@ MOST_WAITING = 64
 """Maximum number of poses that wait to be passed through, as friction depends on the path."""
 ENOUGH = 0.1
 """Minimum fraction of the budget left to go from one of them to the next."""
+TAUT = (
+    "Cable '{}' is taut around obstacle '{}' {:.3g} % of the way to this pose: its tension has no bound"
+    " there. Go back, or reset the cable if it lies otherwise."
+)
 POSE_LEFT_OUT = "a pose asked for before could not be reached, and friction depends on the path"
 POSES_CUT = f"more than {MOST_WAITING} poses wait to be passed through, and friction depends on the path"
 
@@ -239,6 +243,15 @@ class CableTracker(SearchedEquilibrium):
         self._rod = None
         self._lose(f"it could not be brought to the tolerance {tolerance:g}")
 
+    def _taut(self, rod: Rod, at: float) -> str:
+        """The sentence on a cable that is taut at a fraction of the way: around what presses most on it."""
+        read = rod.loaded_contacts(self._q)
+        if read is None:
+            return Status.NOT_CONVERGED.sentence
+        contacts = read()
+        pressing = contacts.obstacles[np.argmax(np.linalg.norm(contacts.forces, axis=1))]
+        return TAUT.format(self.name, self._names[int(pressing)], 100.0 * at)
+
     def _too_short_far(self, rod: Rod, there: Conditions) -> str:
         """`_too_short` if the path takes several steps, else empty: the check costs as much as some steps."""
         assert rod.obstacles is not None
@@ -272,7 +285,7 @@ class CableTracker(SearchedEquilibrium):
         tolerance = ALGEBRAIC * self.tolerance
         result = continue_branch(
             rod, self._q, self._F, path, tolerance, first, longest, fallback, rod.longest_step,
-            FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK,
+            FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK, self._taut_force,
         )  # fmt: skip
         self._rod = rod = result.rod
         # continue from where it ended, maybe on another rod
@@ -300,6 +313,9 @@ class CableTracker(SearchedEquilibrium):
             return replace(unfinished, iterations=result.iterations)
         if within and (too_short := self._too_short(there.obstacles, there.re)):
             return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - begin)
+        if result.end is End.TAUT and not self._passing:
+            self._taut_force = min(self._taut_force, float(np.linalg.norm(self._F)))
+            return self.failed(Status.NOT_CONVERGED, self._taut(rod, result.at), time.perf_counter() - begin)
         if self._passing:
             # nobody asks for this pose any more: continue from here rather than from a cold start
             self._lose(POSE_LEFT_OUT)

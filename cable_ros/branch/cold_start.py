@@ -10,6 +10,7 @@ import numpy as np
 from cable_ros.branch.held_ends import held_starts, load_moment
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.shortest_path import taut_strings
+from cable_ros.contact.stretching_rod import StretchingTouchingRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, reference_element
@@ -247,7 +248,9 @@ class Starts:
         rod.work = np.inf
         if one is not None:
             self._keep(one)
-        if not self._shapes and not self.found and self._strings is None and rod.obstacles is not None:
+        stretches = rod.compliance.any()  # no descent from a path past obstacles then
+        nothing = not self._shapes and not self.found and self._strings is None
+        if nothing and not stretches and rod.obstacles is not None:
             # a taut cable may pass through soft obstacles, and be caught on the wrong side as they harden
             self._strings = taut_strings(rod.re, rod.obstacles, 1.0)
             self._seen = []
@@ -259,6 +262,9 @@ class Starts:
         section = self._mesh, sought.stiffness, sought.natural
         if sought.ends is not None:
             rod = HeldRod(*section, sought.ends)
+        elif sought.compliance is not None and conditions.obstacles is not None:
+            rod = StretchingTouchingRod(*section, sought.compliance, max(sought.tolerance, SEARCH))
+            rod.seen = self._seen
         elif sought.compliance is not None:
             rod = StretchingRod(*section, sought.compliance)
         elif conditions.obstacles is None:

@@ -37,6 +37,8 @@ FALLBACK_WORK = 0.5
 """Maximum fraction of the budget spent on one step before the second kind is replaced."""
 SHORT = 0.02
 """Maximum step, as a fraction of the longest, that counts as short; see `descend_instead`."""
+IN_A_ROW = 3
+"""Number of steps after which a longer one is tried although each took many iterations."""
 LEAST = 1e-9
 """Fraction of the longest step below which a step is rounding error."""
 OVERHEAD = 250
@@ -70,6 +72,12 @@ FREE_SNAPS = 2
 """Number of snap-throughs outside the budget: even a small step may meet a fold, and end just before it."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
+TAUT = 500.0
+"""Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle."""
+VERY_TAUT = 2e4
+"""The same of one whose end the extrapolation tells to 1 % of its slack."""
+NEARLY = 2.0
+"""Such a cable may be taut before the end of the path if that is expected within this many rests of it."""
 
 
 class End(enum.Enum):
@@ -79,6 +87,8 @@ class End(enum.Enum):
     UNFINISHED = enum.auto()
     """The rod has no `work` left."""
     BEYOND_REACH = enum.auto()
+    TAUT = enum.auto()
+    """The cable is pulled taut around an obstacle: its force goes to infinity before the end of the path."""
     STUCK = enum.auto()
 
 
@@ -136,6 +146,7 @@ def continue_branch(
     step: float = 0.25, longest: float = 1.0,
     fallback: Callable[[Rod, np.ndarray, np.ndarray], NodalRod | None] | None = None,
     farthest: float = np.inf, lying_work: float = FALLBACK_LYING_WORK,
+    taut_force: float = VERY_TAUT,
 ) -> Continuation:  # fmt: skip
     """Continue the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
@@ -153,11 +164,13 @@ def continue_branch(
         fallback: makes the replacement from (rod, q, F), or None if that fails.
         farthest: maximum displacement of clamps and obstacles in one step, L.
         lying_work: maximum work before a rod that lies along an obstacle with friction is replaced.
+        taut_force: end force from which the branch is known to be taut, EI / L^2.
     """
     at, iterations = 0.0, 0
     snaps: list[SnapThrough] = []
     margins: list[tuple[float, float]] = []  # fractions of the path and stability margins there
-
+    forces: list[tuple[float, float]] = [(at, _norm(F))]  # of the last two equilibria, and their end forces
+    taut, in_a_row = False, 0
     given = last = rod.work  # at the start, and after the last step
 
     def ended(end: End) -> Continuation:
@@ -166,7 +179,7 @@ def continue_branch(
     while at < 1.0:
         if rod.work <= 0.0:
             rod.refactor(q, F)
-            return ended(End.UNFINISHED)
+            return ended(End.TAUT if taut else End.UNFINISHED)
         target = min(1.0, at + step)
         conditions, left = path(target), rod.work
         if rod.obstacles is not None and conditions.obstacles is not None:
@@ -183,14 +196,32 @@ def continue_branch(
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
         if code == warm_step.ADVANCED:
             at, q, F, last = target, q_new, F_new, rod.work
-            step = min(step * min(rod.stride, 2.0 if count <= rod.few else 1.0), longest)
+            forces, taut = [forces[-1], (at, _norm(F))], False
+            in_a_row += 1
+            grows = count <= rod.few or in_a_row >= IN_A_ROW
+            step = min(step * min(rod.stride, 2.0 if grows else 1.0), longest)
+            in_a_row = 0 if grows else in_a_row
             continue
+        in_a_row = 0
         if rod.chord(conditions.qe, conditions.re) >= 1.0 and step < BEYOND * longest:
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
-        spent = (given if rod.lies else last) - rod.work
-        smallest, most = (FALLBACK_LYING, lying_work) if rod.lies else (FALLBACK, FALLBACK_WORK * given)
-        if code == warm_step.TOO_FAR and not rod.lies:
+        force = forces[-1][1]
+        taut_at = at if len(forces) == 1 and force >= taut_force else _taut_at(forces)
+        if rod.touches and taut_at < at + NEARLY * (1.0 - at):
+            rod.patience = 0  # a search without contact forces does not get farther
+            rod.refactor(q, F)
+            taut = taut_at < 1.0
+            shortest = FALLBACK * longest
+            if taut and (step < shortest or (at > 0.0 and force > VERY_TAUT)):
+                return ended(End.TAUT)
+            if step >= shortest:
+                step *= min(rod.stride, 0.5)
+                continue
+        soft = rod.lies and force < TAUT  # a grid does not resolve how a taut cable bends
+        spent = (given if soft else last) - rod.work
+        smallest, most = (FALLBACK_LYING, lying_work) if soft else (FALLBACK, FALLBACK_WORK * given)
+        if code == warm_step.TOO_FAR and not soft:
             smallest = FALLBACK_POINTS
         hard = step * 0.5 < smallest * longest or spent > most
         # without friction a cable snaps on this mesh as well as on a grid of contacts
@@ -308,6 +339,24 @@ def _earlier_margin(
     if snapped is None or _jumped(shape, rod.mesh.interpolate(snapped.q, GRID), AWAY):
         return []
     return [(back, rod._softest())]
+
+
+def _taut_at(forces: list[tuple[float, float]]) -> float:
+    """Fraction of the path where the cable is taut, extrapolated from two end forces; inf if it is nowhere.
+
+    A stiff cable that is about to be taut bends within sqrt(EI / F) of where it is held or touches: that much
+    is left of its slack, so the force to the power -1/2 goes linearly to 0.
+    """
+    if len(forces) < 2:
+        return np.inf
+    (before, force_before), (at, force) = forces
+    if force < TAUT or force <= force_before:
+        return np.inf
+    return at + (at - before) / (np.sqrt(force / force_before) - 1.0)
+
+
+def _norm(F: np.ndarray) -> float:
+    return float(np.linalg.norm(F))
 
 
 def _to_fold(at: float, margin: float, before: float, margin_before: float) -> float:

@@ -11,7 +11,7 @@ from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.pieces import places
 from cable_ros.effects.registry import properties
 from cable_ros.equilibrium import Equilibrium
-from cable_ros.scene import Kinematics, Scene
+from cable_ros.scene import Kinematics, Scene, SceneError
 
 
 def branches(
@@ -24,7 +24,8 @@ def branches(
     turns of that target, or of zero. It may miss some. The list is empty if the clamps are out of reach or
     nothing converged.
 
-    The pieces of a cable with clips are listed one by one, as `NAME between CLIP and CLIP`.
+    The pieces of a cable with clips are listed one by one, as `NAME between CLIP and CLIP`. Of a cable that
+    turns or slides in supports, they would be those of no real cable.
 
     Args:
         scene: from `load_scene`.
@@ -34,7 +35,17 @@ def branches(
 
     Raises:
         KeyError: a joint is missing.
+        SceneError: a cable has pins or rings.
     """
+    for i, cable in enumerate(scene.cables):
+        for support in cable.supports:
+            if support.couples:
+                raise SceneError(
+                    scene.source,
+                    f"cables[{i}].supports",
+                    f"the cable turns in its {support.kind} '{support.name}', and the equilibria of such "
+                    "cables cannot be listed yet; leave it out, or put a clip in its place",
+                )
     kinematics = Kinematics(scene)
     values = np.array([joints[name] for name in kinematics.joint_names], dtype=float)
     poses = kinematics.poses(values)

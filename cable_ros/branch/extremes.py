@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.contact.clearance import clearance
+from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.limits import QUANTITIES, Extreme
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import position
@@ -46,20 +47,27 @@ def extremes(
         limits: of the cable.
         obstacles: of the scene, whether or not contact is among the effects.
     """
-    loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), *point_forces(rod))
+    loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), *point_forces(rod, q))
     compliance = rod.compliance
     mesh = rod.h.copy(), rod.s0.copy(), rod.mesh.element.order
     law = Law(rod.K, rod.natural)
+    if compliance.any() and isinstance(rod, TouchingRod) and rod.touches:
+        rod.trace(q, F)
+        return partial(
+            _judged, q.copy(), mesh, law, rod.c.copy(), loads, start.copy(), unit, limits, obstacles
+        )
     return partial(_found, q.copy(), mesh, law, compliance, loads, start.copy(), unit, limits, obstacles)
 
 
-def point_forces(rod: Rod) -> tuple[np.ndarray, np.ndarray]:
+def point_forces(rod: Rod, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Arc lengths (k,), rising, and forces on the rod (k, 3) of its contacts, in units of the cable.
+
+    `q` (n, 4): nodal frames of its equilibrium.
 
     The pressure at a sample of a patch becomes several forces with the same resultant and moment: a single
     one would cause a kink in the curvature.
     """
-    contacts = rod.loaded_contacts()
+    contacts = rod.loaded_contacts(q)
     if contacts is None:
         return NO_ARC_LENGTHS, NO_LINES
     loaded = contacts()
@@ -80,6 +88,15 @@ def _found(
     points = reference_element(order, len(values)).points
     c = np.empty((len(h), len(values) + 1, 3))
     centreline(q, loads.F, loads.f, compliance, h, s0, values, points, primitives, c)
+    return _judged(q, mesh, law, c, loads, start, unit, limits, obstacles)
+
+
+def _judged(
+    q: np.ndarray, mesh: tuple[np.ndarray, np.ndarray, int], law: Law, c: np.ndarray, loads: Loads,
+    start: np.ndarray, unit: Units, limits: CableLimits, obstacles: Obstacles,
+) -> tuple[Extreme, ...]:  # fmt: skip
+    """As `_found`, on the centreline with the coefficients c (m, g + 1, 3)."""
+    h, s0, order = mesh
     found = largest(Shape(q, h, s0, reference_element(order).nodes, c), law, loads)
     least, at, which = clearance(c, h, s0, obstacles.placed)
     curvature, tension, twist = found[[CURVATURE, TENSION, TWIST]].tolist()

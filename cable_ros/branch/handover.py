@@ -59,7 +59,7 @@ GRID = np.linspace(0.0, 1.0, 33)
 
 def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
     """The equilibrium (q, F) and its friction on a uniform grid of contacts; None if that fails."""
-    if not isinstance(rod, TouchingRod) or rod.obstacles is None:
+    if not isinstance(rod, TouchingRod) or rod.obstacles is None or rod.compliance.any():
         return None
     points = rod.points[: rod.count]
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cable with clips: its pieces are solved apart, and their results are one result."""
+"""A cable with supports: the results of its pieces are one result."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
 
-from cable_ros.contact.overlaps import SPACING, closest_approach, warning
+from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Overlap, Status
 from cable_ros.limits import Extreme
 from cable_ros.scene import Cable
+from cable_ros.scene.model import CLIP
 
 SEVERITY = (
     Status.CONVERGED, Status.SNAPPED, Status.UNFINISHED, Status.BRANCH_LOST, Status.NOT_CONVERGED,
@@ -21,28 +23,37 @@ SEVERITY = (
 """From the best to the worst: a cable is as well as its worst piece."""
 
 
-def shares(cable: Cable, count: int) -> list[np.ndarray]:
-    """For each piece of the cable, which of `count` equal arc lengths are on it, as fractions of its length.
+HELD = np.ones(6)
+RELEASED = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+"""(6,) which components of its wrench a support may have."""
 
-    A point at a clip belongs to the piece that begins there, the last one to the last piece.
+
+def shares(cuts: Sequence[float], count: int) -> list[np.ndarray]:
+    """For each piece of a cable, which of `count` equal arc lengths are on it, as fractions of its length.
+
+    A point at a support belongs to the piece that begins there, the last one to the last piece.
+
+    Args:
+        cuts: arc lengths of start, supports and end, m.
+        count: of points.
     """
-    at = cable.length * np.arange(count) / (count - 1)
-    out, begin = [], 0.0
-    for i, piece in enumerate(cable.pieces):
-        last = i == len(cable.supports)
-        end = cable.length if last else cable.supports[i].arc_length
-        own = at[(at >= begin) & ((at < end) | last)]
-        out.append(np.clip((own - begin) / piece.length, 0.0, 1.0))
-        begin = end
+    at = cuts[-1] * np.arange(count) / (count - 1)
+    out = []
+    for begin, end in itertools.pairwise(cuts):
+        own = at[(at >= begin) & ((at < end) | (end == cuts[-1]))]
+        out.append(np.clip((own - begin) / (end - begin), 0.0, 1.0))
     return out
 
 
-def joined(cable: Cable, found: Sequence[Equilibrium], outline: Callable[[], np.ndarray]) -> Equilibrium:
-    """The result of a cable with clips.
+def joined(
+    cable: Cable, found: Sequence[Equilibrium], cuts: Sequence[float], outline: Callable[[], np.ndarray]
+) -> Equilibrium:
+    """The result of a cable with supports.
 
     Args:
         cable: of the scene.
         found: of its pieces, with their parts of the polyline.
+        cuts: arc lengths of its start, its supports and its end at present, m.
         outline: gives a polyline (n, 3) of the whole cable, world, m.
     """
     status = max((one.status for one in found), key=SEVERITY.index)
@@ -50,14 +61,16 @@ def joined(cable: Cable, found: Sequence[Equilibrium], outline: Callable[[], np.
     message, overlaps = _message(cable, found), _overlaps(found)
     diameter = 2.0 * cable.radius
     if diameter and status.trusted and not overlaps:
-        apart = closest_approach(outline(), cable.length, SPACING * diameter)
+        points = np.concatenate([one.points for one in found])
+        line = points if len(points) >= OUTLINE else outline()
+        apart = closest_approach(line, cable.length, SPACING * diameter)
         if apart < diameter:
             overlaps = (Overlap(cable.name, apart, diameter),)
             message = f"{message} {warning(apart, diameter)}"
     mounts = None
     if status.trusted:
         mounts = np.stack([_axes(first, 0), _axes(last, 1)])
-    return Equilibrium.of(
+    return Equilibrium(
         status=status, message=message, converged=all(one.converged for one in found),
         stable=all(one.stable for one in found),
         stability_margin=float(np.min([one.stability_margin for one in found])),
@@ -69,9 +82,9 @@ def joined(cable: Cable, found: Sequence[Equilibrium], outline: Callable[[], np.
         error_estimate=float(np.max([one.error_estimate for one in found])),
         iterations=sum(one.iterations for one in found), solve_time=sum(one.solve_time for one in found),
         overlaps=overlaps, _pieces=tuple(found),
-        _support_names=tuple(clip.name for clip in cable.supports), _mounts=mounts,
-        _tangent=Together(cable, found), _touching=partial(_contacts, cable, found),
-        _extremes=partial(_extremes, cable, found),
+        _supports=tuple((one.name, HELD if one.kind == CLIP else RELEASED) for one in cable.supports),
+        _mounts=mounts, _tangent=Together(found, cuts), _touching=partial(_contacts, found, cuts),
+        _extremes=partial(_extremes, found, cuts),
     )  # fmt: skip
 
 
@@ -84,7 +97,7 @@ def _axes(found: Equilibrium, which: int) -> np.ndarray:
 
 def places(cable: Cable) -> list[str]:
     """Where each piece is, as messages say."""
-    names = ["start", *(clip.name for clip in cable.supports), "end"]
+    names = ["start", *(support.name for support in cable.supports), "end"]
     return [f"between {names[i]} and {names[i + 1]}" for i in range(len(names) - 1)]
 
 
@@ -94,15 +107,10 @@ def _message(cable: Cable, found: Sequence[Equilibrium]) -> str:
     told = [
         f"{where}: {one.message}"
         for where, one in zip(places(cable), found, strict=True)
-        if one.message != plain
+        if one.message not in (plain, "")
     ]
     text = " ".join(told)
     return text[:1].upper() + text[1:] if told else plain
-
-
-def _begins(cable: Cable) -> list[float]:
-    """Arc length at which each piece begins, m."""
-    return [0.0, *(clip.arc_length for clip in cable.supports)]
 
 
 def _overlaps(found: Sequence[Equilibrium]) -> tuple[Overlap, ...]:
@@ -110,11 +118,11 @@ def _overlaps(found: Sequence[Equilibrium]) -> tuple[Overlap, ...]:
     return tuple(overlap for piece in found for overlap in piece.overlaps)
 
 
-def _contacts(cable: Cable, found: Sequence[Equilibrium]) -> ContactTable | None:
+def _contacts(found: Sequence[Equilibrium], cuts: Sequence[float]) -> ContactTable | None:
     """The contacts of all pieces."""
     tables = [
         dataclasses.replace(one._contact_table, arc_length=one._contact_table.arc_length + s)
-        for s, one in zip(_begins(cable), found, strict=True)
+        for s, one in zip(cuts, found, strict=False)
         if one._contact_table is not None
     ]
     if not tables:
@@ -127,13 +135,13 @@ def _contacts(cable: Cable, found: Sequence[Equilibrium]) -> ContactTable | None
     return ContactTable(tables[0].names, **columns)
 
 
-def _extremes(cable: Cable, found: Sequence[Equilibrium]) -> tuple[Extreme, ...]:
+def _extremes(found: Sequence[Equilibrium], cuts: Sequence[float]) -> tuple[Extreme, ...]:
     """The worst of each quantity over all pieces."""
     if not all(one.extremes for one in found):
         return ()
     rows = [
         [dataclasses.replace(extreme, arc_length=extreme.arc_length + s) for extreme in one.extremes]
-        for s, one in zip(_begins(cable), found, strict=True)
+        for s, one in zip(cuts, found, strict=False)
     ]
     return tuple(
         min(column, key=lambda one: one.value if one.quantity.least else -one.value)
@@ -141,33 +149,59 @@ def _extremes(cable: Cable, found: Sequence[Equilibrium]) -> tuple[Extreme, ...]
     )
 
 
+def runs(found: Sequence[Equilibrium]) -> Iterator[range]:
+    """The numbers of the pieces that move each other, run by run; those between two clips are alone."""
+    begin = 0
+    while begin < len(found):
+        coupled = found[begin]._coupled
+        end = begin + (1 if coupled is None else coupled.count)
+        yield range(begin, end)
+        begin = end
+
+
+def response(found: Sequence[Equilibrium], run: range, obstacles: Sequence[str]) -> np.ndarray:
+    """(12 m + 6 k, 12 m + 6 k) derivative of the wrenches of a run of m pieces by motions of their mounts.
+
+    Rows and columns: start and end of each piece, then k obstacles, as in `Equilibrium.wrench_response`.
+    """
+    coupled = found[run[0]]._coupled
+    if coupled is not None:
+        return coupled.response(obstacles)
+    one = found[run[0]]
+    return one.wrench_response(obstacles) if obstacles else one.clamp_stiffness
+
+
 class Together:
     """The linearised equations of all pieces; implements `equilibrium.Linearised`."""
 
-    __slots__ = ("_cable", "_found")
+    __slots__ = ("_cuts", "_found")
 
-    def __init__(self, cable: Cable, found: Sequence[Equilibrium]) -> None:
-        self._cable, self._found = cable, found
+    def __init__(self, found: Sequence[Equilibrium], cuts: Sequence[float]) -> None:
+        self._found, self._cuts = found, cuts
 
     def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
-        """See `Equilibrium.wrench_response`; the clips stay where they are."""
+        """See `Equilibrium.wrench_response`; the supports stay where they are."""
         size, last = 12 + 6 * len(obstacles), len(self._found) - 1
         out = np.zeros((size, size))
-        for i, one in enumerate(self._found):
-            own = one.wrench_response(obstacles)
-            kept = np.r_[: 6 * (i == 0), 6 : 6 + 6 * (i == last), 12:size].astype(int)
-            out[np.ix_(kept, kept)] += own[np.ix_(kept, kept)]
+        for run in runs(self._found):
+            own, ends = response(self._found, run, obstacles), 12 * len(run)
+            first, final = run[0] == 0, run[-1] == last
+            kept = np.r_[: 6 * first, 6 : 6 + 6 * final, 12:size].astype(int)
+            inner = np.r_[: 6 * first, ends - 6 : ends - 6 + 6 * final, ends : len(own)].astype(int)
+            out[np.ix_(kept, kept)] += own[np.ix_(inner, inner)]
         return out
 
     def modes(self, count: int, points: int) -> Modes:
-        """See `Equilibrium.modes`: each is a vibration of one piece."""
+        """See `Equilibrium.modes`; each is a vibration of one piece. NaN if pieces move each other."""
         frequencies, shapes = [], []
-        at = self._cable.length * np.linspace(0.0, 1.0, points)
-        for s, piece, one in zip(_begins(self._cable), self._cable.pieces, self._found, strict=True):
+        if any(one._coupled is not None for one in self._found):
+            return Modes(np.full(count, np.nan), np.full((count, points, 3), np.nan))
+        at = self._cuts[-1] * np.linspace(0.0, 1.0, points)
+        for (s, end), one in zip(itertools.pairwise(self._cuts), self._found, strict=True):
             assert one._tangent is not None
             found = one._tangent.modes(count, max(points, 2))
-            inside = (at >= s) & (at <= s + piece.length)
-            own = np.linspace(0.0, piece.length, max(points, 2))
+            inside = (at >= s) & (at <= end)
+            own = np.linspace(0.0, end - s, max(points, 2))
             for frequency, shape in zip(found.frequencies, found.shapes, strict=True):
                 whole = np.zeros((points, 3))
                 for a in range(3):

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_ros.contact.stretching_rod import StretchingTouchingRod
+from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
 from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import Rod
@@ -47,13 +49,28 @@ def _soft(section: Section) -> np.ndarray:
 
 def with_section(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
     """A rod with the section, on the same mesh between the same clamps; `scale` as in `follow`."""
-    if section.compliance is not None and section.compliance.any():
-        new: Rod = StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
+    soft = section.compliance is not None and section.compliance.any()
+    if isinstance(rod, TouchingRod) and (soft or rod.compliance.any()):
+        new: Rod = _touching(rod, section, scale)
+    elif section.compliance is not None and soft:
+        new = StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
     elif rod.compliance.any():
         new = Rod(rod.mesh, section.stiffness, section.natural)
     else:
         new = rod.variant(stiffness=section.stiffness, natural=section.natural, scale=scale)
     new.set_conditions(rod.qe, rod.re, section.load, rod.obstacles)
+    return new
+
+
+def _touching(rod: TouchingRod, section: Section, scale: float) -> TouchingRod:
+    """`with_section` of a rod among obstacles that stretches before or after."""
+    one = rod.mesh, section.stiffness, section.natural
+    if section.compliance is None or not section.compliance.any():
+        new = TouchingRod(*one, rod.tolerance, rod.density)
+    else:
+        new = StretchingTouchingRod(*one, section.compliance, rod.tolerance, rod.density)
+    new.set_conditions(rod.qe, rod.re, section.load, rod.obstacles)
+    new.take_contacts(rod, scale)
     return new
 
 

@@ -14,7 +14,7 @@ from cable_ros.contact.report import contact_table
 from cable_ros.contact.response import cross_matrix
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
 from cable_ros.rod import output, quaternion
-from cable_ros.rod.elements import Mesh, integrals, sampling
+from cable_ros.rod.elements import Mesh, equally_spaced, integrals, sampling
 from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
@@ -35,7 +35,9 @@ def wrenches(rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units) -> tuple[np.nd
 class Reader:
     """Computes wrenches, points and frames of rods; keeps the interpolation table of the last mesh."""
 
-    def __init__(self) -> None:
+    def __init__(self, slides: bool = False) -> None:
+        """`slides`: whether points and unit are others at every call, so that no table is worth keeping."""
+        self._slides = slides
         self._known: tuple[Mesh, int | np.ndarray, Units, tuple[Any, ...]] | None = None
 
     def read(
@@ -59,10 +61,13 @@ class Reader:
         end_wrench, start_wrench = np.empty(6), np.empty(6)
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
         out, contact = (end_wrench, start_wrench, points, orientations), rod.contact_force()
-        if rod.adapts_mesh:
-            at = np.arange(count) / (count - 1) if isinstance(where, int) else where
+        if rod.adapts_mesh or self._slides:
+            at = equally_spaced(count) if isinstance(where, int) else where
             table = (unit.force, unit.moment, unit.length), integrals(rod.mesh.element.order), at
             output.read_anywhere(q, (rod.h, rod.s0), start, F, rod.f, contact, rod.qe, rod.g, table, out)
+            rod.stretch_anywhere(at, start, unit.length, points)
+            if not rod.clamped:
+                end_wrench[:], start_wrench[:] = wrenches(rod, q, F, unit)
             return out
         known = self._known
         if known is None or known[0] is not rod.mesh or _other(known[1], where) or known[2] is not unit:
@@ -82,18 +87,18 @@ def _other(a: int | np.ndarray, b: int | np.ndarray) -> bool:
 
 
 def touching(
-    rod: Rod, names: Sequence[str], start: np.ndarray, unit: Units
+    rod: Rod, q: np.ndarray, names: Sequence[str], start: np.ndarray, unit: Units
 ) -> Callable[[], ContactTable] | None:
     """A function that returns the contacts when called; from copies, since the rod changes. None: no contact.
 
     Args:
-        rod: at an equilibrium.
+        rod, q: at an equilibrium, with its nodal frames (n, 4), kept.
         names: of the obstacles.
-        start: (7,) the start clamp in the world, m, quaternion x y z w.
+        start: (7,) the start clamp in the world, m, quaternion x y z w; kept.
         unit: of the cable.
     """
-    contacts = rod.loaded_contacts()
-    return None if contacts is None else partial(contact_table, contacts, names, start.copy(), unit)
+    contacts = rod.loaded_contacts(q)
+    return None if contacts is None else partial(contact_table, contacts, names, start, unit)
 
 
 class Tangent:
@@ -110,12 +115,12 @@ class Tangent:
     ) -> None:  # fmt: skip
         """About the equilibrium of `rod` with the nodal frames q (n, 4) and the end force F (3,).
 
-        `names` of the obstacles; `start` (7,) the start clamp in the world, m, quaternion x y z w; `density`
-        the mass per length, kg/m.
+        `names` of the obstacles; `start` (7,), kept, the start clamp in the world, m, quaternion x y z w;
+        `density` the mass per length, kg/m.
         """
         self._snapshot, self._conditions = rod.snapshot(), (rod.qe, rod.re, rod.f)
         self._q, self._F, self._unit, self._names, self._density = q, F, unit, names, density
-        self._start = start.copy()
+        self._start = start
 
     def _rod(self) -> Rod:
         copy = self._snapshot()

@@ -7,6 +7,7 @@ import numpy as np
 
 from cable_ros.branch import handover
 from cable_ros.branch.cold_start import Found, Sought, Starts, refine
+from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry
 from cable_ros.branch.paying_out import PayingOut
 from cable_ros.equilibrium import Status
 from cable_ros.rod.initial_shapes import side
@@ -69,9 +70,7 @@ class Search:
         """The message of `found`; it says whether others have the same energy."""
         assert self._coarse is not None
         assert self._origin is not None
-        energy = self._origin.energy
-        others = (abs(other.energy - energy) for other in self._coarse)
-        twins = sum(other <= TWINS * (1.0 + abs(energy)) for other in others)
+        twins = sum(_equal(other, self._origin) for other in self._coarse)
         sentence = Status.CONVERGED.sentence
         if twins < 2:
             return sentence
@@ -83,14 +82,25 @@ class Search:
         if not self._starts.over:
             return self._starts.descend()
         if self._coarse is None:
-            self._coarse = _in_turn(self._starts.found, self.sought.target_twist)
-            return 0.0
+            return self._sort(self._starts.found)
         if self._refined < len(self._coarse):
             return self._refine(self._coarse[self._refined])
         found, work = next(one for one in self._last if not one.over).settle()
         if found is not None:
-            self._coarse, self._refined = [found], 1
-            self._best, self._estimate, self._origin = found, 0.0, found
+            work += self._sort([found])
+            self._refined, self._estimate = len(self._coarse), 0.0
+            self._best = self._origin = self._coarse[0]
+        return work
+
+    def _sort(self, found: list[Found]) -> float:
+        """Put the equilibria found in turn, the mirror image of the first added; returns the work of that."""
+        n, twist = plane_of_symmetry(self.sought), self.sought.target_twist
+        self._coarse, work = _in_turn(found, twist, n is not None), 0.0
+        if n is not None and found and not any(_equal(one, self._coarse[0]) for one in self._coarse[1:]):
+            image = mirror_image(self._coarse[0], n)
+            if image is not None and _equal(image, self._coarse[0]):
+                self._coarse = _in_turn([*found, image], twist, True)
+                work = image.iterations * image.rod.iteration_work
         return work
 
     def _refine(self, one: Found) -> float:
@@ -101,16 +111,24 @@ class Search:
         return (fine.iterations - one.iterations) * fine.rod.iteration_work
 
 
-def _in_turn(found: list[Found], target_twist: float | None) -> list[Found]:
-    """Sorted by distance from the target twist, or by energy; of equals, the one on the chosen side first."""
+def _equal(one: Found, other: Found, most: float = TWINS) -> bool:
+    """Whether two energies are equal, but for the fraction `most`."""
+    return abs(one.energy - other.energy) <= most * (1.0 + abs(other.energy))
+
+
+def _in_turn(found: list[Found], target_twist: float | None, symmetric: bool = False) -> list[Found]:
+    """Sorted by distance from the target twist, or by energy; of equals, the one on the chosen side first.
+
+    `symmetric`: whether the scene has a plane of symmetry, so that equal energies are those of mirror images.
+    """
     found = sorted(found, key=lambda one: one.energy)
     if target_twist is not None:
         found.sort(key=lambda one: abs(one.twist - target_twist))
     centre = target_twist or 0.0
 
     def alike(one: Found) -> bool:
-        energy = abs(one.energy - found[0].energy) <= EQUAL * (1.0 + abs(found[0].energy))
-        return energy and abs(abs(one.twist - centre) - abs(found[0].twist - centre)) <= 1e-3
+        apart = abs(abs(one.twist - centre) - abs(found[0].twist - centre))
+        return _equal(one, found[0], TWINS if symmetric else EQUAL) and apart <= 1e-3
 
     first = [one for one in found if alike(one)]
     first.sort(key=lambda one: -side(one.rod.mesh.interpolate(one.q, GRID), GRID))

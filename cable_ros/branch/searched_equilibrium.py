@@ -10,6 +10,7 @@ import numpy as np
 
 from cable_ros.branch.branch_record import BranchRecord
 from cable_ros.branch.cold_start import Found, Sought, equilibria, refine, same
+from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.search import Search
 from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
 from cable_ros.contact.friction_kernels import COULOMB
@@ -101,7 +102,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             )
             self._lose(pending.loss_cause + twist)
             self._record = replace(self._record, waiting=waiting)
-        self._grid_history = None
+        self._grid_history, self._taut_force = None, VERY_TAUT
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from concurrent.futures import CancelledError, Executor
-from contextlib import contextmanager
+from concurrent.futures import CancelledError, Executor, Future, InvalidStateError
+from contextlib import contextmanager, suppress
+from threading import Event, Thread
 from typing import Any
+from weakref import WeakSet
 
 from cable_ros.cli._arguments import CommandError
 
@@ -15,6 +17,32 @@ PATIENCE = 10
 """Time, s, to wait for the scheduler, and for its first worker."""
 PACKAGES = ("cable_ros", "numpy", "scipy", "numba")
 """Whose versions decide the bits of a result."""
+
+
+class _Watched(Executor):
+    """Dask's executor, whose futures end when the scheduler leaves: Dask's own may wait for ever then."""
+
+    def __init__(self, client: Any) -> None:
+        self._client, self._executor = client, client.get_executor(pure=False)
+        self._futures: WeakSet[Future[Any]] = WeakSet()
+        self._over = Event()
+        Thread(target=self._watch, daemon=True).start()
+
+    def submit(self, function: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = self._executor.submit(function, *arguments, **named)
+        self._futures.add(future)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._over.set()
+        self._executor.shutdown(wait=wait)
+
+    def _watch(self) -> None:
+        while not self._over.wait(1.0):
+            if self._client.status != "running":
+                for future in list(self._futures):
+                    with suppress(InvalidStateError):  # it has ended
+                        future.set_exception(CancelledError())
 
 
 @contextmanager
@@ -43,7 +71,7 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
                 "--nworkers auto --nthreads 1' where this package is installed"
             ) from None
         _check_versions(client.get_versions(packages=PACKAGES), address)
-        executor = client.get_executor(pure=False)
+        executor = _Watched(client)
         try:
             yield executor, sum(client.nthreads().values())
         except KilledWorker:
@@ -51,7 +79,10 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
                 f"--cluster {address}: several workers died over the same poses; see their logs, and whether "
                 "they have enough memory"
             ) from None
-        except CancelledError:
+        except (CancelledError, ValueError) as error:
+            # a future that is cancelled while Dask unpacks its outcome ends in an error of Dask's own
+            if isinstance(error, ValueError) and "to unpack" not in str(error):
+                raise
             raise CommandError(f"--cluster {address}: the scheduler has left") from None
         finally:
             executor.shutdown(wait=False)

@@ -79,6 +79,13 @@ def columns(variant: Mapping[str, float], batch: Batch) -> dict[str, np.ndarray]
     for end in ("end", "start"):
         wrench = getattr(batch, f"{end}_wrench").reshape(rows, 6)
         out |= {f"{end}_{name}": wrench[:, i] for i, name in enumerate(COMPONENTS)}
+    if batch.support_wrench is not None:
+        for name in dict.fromkeys(name for _, name in batch.supports):
+            held = np.full((len(batch), cables, 6), np.nan)
+            for k, (cable, other) in enumerate(batch.supports):
+                if other == name:
+                    held[:, batch.cables.index(cable)] = batch.support_wrench[:, k]
+            out |= {f"{name}_{part}": held.reshape(rows, 6)[:, i] for i, part in enumerate(COMPONENTS)}
     loads = zip(batch.joint_names, batch.joint_load.T, strict=True)
     out |= {f"load_{name}": np.repeat(load, cables) for name, load in loads}
     for name in ("total_twist", "energy", "stability_margin", "error_estimate", "iterations", "overlapping"):

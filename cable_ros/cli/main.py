@@ -9,7 +9,6 @@ import os
 import pkgutil
 import sys
 from collections.abc import Sequence
-from importlib import metadata
 from typing import Any, NoReturn
 
 import cable_ros.cli
@@ -97,7 +96,7 @@ def _parser(modules: dict[str, Any]) -> Parser:
         "'cable COMMAND -h' says more about one command.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"cable_ros {_version()}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="show program's version number and exit")
     subparsers = parser.add_subparsers(title="commands", dest="command", metavar="COMMAND")
     for module in modules.values():
         module.add_parser(subparsers)
@@ -140,11 +139,18 @@ def _sentence(error: Exception) -> str:
     return one_line(" ".join(str(error).split()))
 
 
-def _version() -> str:
-    try:
-        return metadata.version("cable_ros")
-    except metadata.PackageNotFoundError:
-        return "(not installed)"
+class _Version(argparse.Action):
+    """Print the version, which takes long to look up, if it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        from importlib import metadata
+
+        try:
+            version = metadata.version("cable_ros")
+        except metadata.PackageNotFoundError:
+            version = "(not installed)"
+        print(f"cable_ros {version}")
+        parser.exit()
 
 
 if __name__ == "__main__":

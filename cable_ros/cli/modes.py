@@ -69,7 +69,14 @@ def describe(name: str, found: Equilibrium, modes: Modes) -> str:
     if math.isinf(lowest):
         return f"{name}: it has no mass (linear_density 0), so nothing swings"
     if math.isnan(lowest):
-        return f"{name}: friction alone makes this equilibrium stable; without it there are no vibrations"
+        if any(piece._coupled is not None for piece in found.pieces):
+            return (
+                f"{name}: it turns or slides in its supports; vibrations of such cables are not computed yet"
+            )
+        return (
+            f"{name}: no frequencies are known: friction alone makes this equilibrium stable, or the cable "
+            "stretches and touches something"
+        )
     length = float(np.linalg.norm(np.diff(found.points, axis=0), axis=1).sum())
     lines = [
         f"{name}: {found.message}",

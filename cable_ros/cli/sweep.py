@@ -175,7 +175,7 @@ def same_branch(scenes: Sequence[Scene], pose: np.ndarray) -> Iterator[Scene]:
     for scene in scenes[1:]:
         cables = tuple(
             dataclasses.replace(cable, total_twist=found[cable.name].total_twist)
-            if cable.total_twist is None and found[cable.name].status.trusted
+            if cable.total_twist is None and not cable.supports and found[cable.name].status.trusted
             else cable
             for cable in scene.cables
         )

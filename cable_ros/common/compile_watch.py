@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What compiling costs: its time, which is no part of a solve, and a word about it while it lasts.
 
-Whoever imports the solver calls `listen`; until then this file does without Numba. It stands apart from
-`compilation`, whose every change makes what is kept compile again.
+`kernel_compiler` calls `listen`; until then this file does without Numba.
 """
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 
 NOTICE = 1.0
@@ -45,6 +45,15 @@ class Watch:
         if mine.depth == 0:
             mine.past += time.perf_counter() - mine.begin
         self._notice(mine)
+
+    @contextlib.contextmanager
+    def span(self) -> Iterator[None]:
+        """From a start to its end."""
+        self.on_start()
+        try:
+            yield
+        finally:
+            self.on_end()
 
     def _notice(self, mine: _Span) -> None:
         if self.tell is None:

@@ -3,29 +3,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
-from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.fixed_set import FixedSetRod
-from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, slip_change
 from cable_ros.contact.meshing import fitted, layered
 from cable_ros.contact.newton import active_set_newton
 from cable_ros.contact.patches import resample
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
-    FORCE,
     FRICTION,
     INTERFACE,
     KIND,
-    OBSTACLE,
     POINT,
     SLIPS,
 )
-from cable_ros.contact.report import listed
+from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.travel import (
     CONTACT_STEP,
     FRICTION_CHANGE,
@@ -36,7 +34,7 @@ from cable_ros.contact.travel import (
     travel,
 )
 from cable_ros.rod import quaternion, warm_step
-from cable_ros.rod.elements import Mesh
+from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
 
 KEPT = 1e-3
@@ -67,7 +65,7 @@ class ActiveSetRod(FixedSetRod):
 
     @property
     def replaceable(self) -> bool:  # type: ignore[override]
-        """With mobilised friction it is not: a grid has no such friction."""
+        """Whether a grid can take its place: not with mobilised friction, which a grid does not have."""
         return self.model != SLIDING
 
     @property
@@ -82,13 +80,17 @@ class ActiveSetRod(FixedSetRod):
         if self.model != model:
             self.model, self.ready = model, False
 
-    def loaded_contacts(self) -> Callable[[], LoadedContacts] | None:
+    def loaded_contacts(self, q: np.ndarray) -> Callable[[], LoadedContacts] | None:
         if not self.count or self.obstacles is None:
             return None
         points, normals = self.points[: self.count].copy(), self.normals[: self.count].copy()
+        grid = self.mesh.lengths, self.s0.copy()
         rough = self.model != FRICTIONLESS
-        coefficients = self.obstacles[:, FRICTION_COEFFICIENT] * rough
-        return partial(listed, points, normals, (self.c.copy(), self.h.copy(), self.s0.copy()), coefficients)
+        return partial(listed, points, normals, self._centreline(q), grid, self.obstacles, rough)
+
+    def _centreline(self, q: np.ndarray) -> Callable[[], np.ndarray]:
+        """A function that computes the coefficients of the centreline of q (n, 4), which it keeps."""
+        return partial(coefficients, q, self.mesh.lengths, self.mesh.element)
 
     def spend(self, iterations: int) -> None:
         """Count iterations with the present mesh and contacts as work done."""
@@ -181,7 +183,8 @@ class ActiveSetRod(FixedSetRod):
             last = q, F, self.f, self.obstacles, self.count, self.rows, self.ready, self.settled is q
             factors = self.A, self.L, self.pivots, Y, S
             friction = self.model, self.direction, self.presliding
-            options = *friction, self.samples, self.depth, self.give, self.finest()
+            bubbles = end_bubbles(self.mesh.element.order)
+            options = *friction, self.samples, self.depth, self.give, self.finest(), bubbles
             code, iterations, self.count, self.rows, moved, turned = active_set_newton(
                 last, (qe, re, f), obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
                 options, (tolerance, limit, self.rotation, self.refactor_at), (q_new, F_new),
@@ -194,7 +197,7 @@ class ActiveSetRod(FixedSetRod):
             distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
             code = warm_step.TOO_FAR if self.stride < SHORTER and distance > FRICTION_LEAST else code
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
-        rotation = self.rotation + 2.0 * float(np.abs(q_new - q).max()) if self.ready else np.inf
+        rotation = self.rotation + quaternion.largest_rotation(q, q_new) if self.ready else np.inf
         if self.model == COULOMB and turned == 0.0 and same and rotation < self.refactor_at:
             # what slips has new factors in most steps: stability need not be judged as often
             turned, self.judged = rotation, False
@@ -206,8 +209,7 @@ class ActiveSetRod(FixedSetRod):
             self.restore(kept, mesh)
             self.direction = direction
             return code, iterations + spent, q_new, F_new
-        self.trace(q_new)
-        sunk, before = self.sunk(obstacles), (self.qe, self.re, self.f, self.obstacles)
+        sunk, before = self.sunk(q_new, F_new, obstacles), (self.qe, self.re, self.f, self.obstacles)
         self.set_conditions(qe, re, f, obstacles)
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
@@ -234,15 +236,15 @@ class ActiveSetRod(FixedSetRod):
 
     def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray) -> float:
         """Relative change across the cable, in a step to q, of the friction of what slips; see `travel`."""
+        change, possible = slip_change(self.points, self.count, obstacles)
+        possible = max(possible, math.sqrt(F.dot(F)))
+        if change <= SHORTER * FRICTION_CHANGE * possible:
+            return 0.0
         points = self.points[: self.count]
         slips = points[points[:, SLIPS] == 1.0]
-        change = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
-        possible = float(points[:, FORCE] @ obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT])
-        possible = max(possible, float(np.linalg.norm(F)))
-        if np.abs(change).sum() <= SHORTER * FRICTION_CHANGE * possible:
-            return 0.0
         along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
-        return float(np.linalg.norm(np.cross(along, change), axis=1).sum()) / possible
+        across = np.cross(along, slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3])
+        return float(np.linalg.norm(across, axis=1).sum()) / possible
 
     def _reverse(
         self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float

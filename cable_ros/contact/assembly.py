@@ -30,6 +30,7 @@ from cable_ros.contact.points import (
     FIRST,
     FORCE,
     FRICTION,
+    INTERFACE,
     KIND,
     LENGTH,
     OBSTACLE,
@@ -40,6 +41,7 @@ from cable_ros.contact.points import (
     STICK_ROW,
     YIELD,
 )
+from cable_ros.contact.stretched import internal_forces, reach_blocks, reach_rows
 from cable_ros.linalg.copies import copy
 from cable_ros.rod.centreline import (
     find_element,
@@ -52,6 +54,8 @@ from cable_ros.rod.centreline import (
 )
 from cable_ros.rod.centreline import shape as shape_functions
 from cable_ros.rod.energy_kernels import gradient, hessian
+from cable_ros.rod.extensible_kernels import stretch_gradient, stretch_hessian
+from cable_ros.rod.rod_state import Stretch
 
 STIFFER = 1.5
 """Maximum ratio, or its inverse, of friction's stiffness to that in the constraint rows that still serve."""
@@ -125,16 +129,26 @@ def assemble_kkt(shape, forces, section, obstacles, history, contacts, count, kk
     """
     q, _, grid = shape
     F, f = forces
-    evaluation, tangents, rows, _ = kkt
+    evaluation, tangents, rows, _, strain = kkt
+    soft = strain.reach.shape[0] > 0
     terms = point_terms(max(count, 1))
     flips = evaluate_points(shape, obstacles, history, contacts, count, terms, initial)
     Fe = np.empty((grid.h.shape[0], 3))
     point_forces(shape, F, contacts, count, Fe, evaluation.acc)
+    stretch = Stretch(strain.compliance, np.empty((3, 3)), np.zeros(4))
+    if soft:
+        internal_forces(grid, forces, contacts, count, strain.G)
+        stretch_gradient(q, strain.G, f, grid, stretch, evaluation.acc)
     gradient(q, Fe, f, section, grid, evaluation)
+    if soft:
+        for a in range(4):
+            evaluation.totals[a] += stretch.totals[a]
     if not full:
         return 3 + count, update_constraints(contacts, count, terms, rows), flips
     hessian(q, Fe, f, section, grid, evaluation.radial, tangents)
-    total, same = constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows)
+    if soft:
+        stretch_hessian(q, strain.G, grid, stretch, tangents)
+    total, same = constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, strain)
     return total, same, flips
 
 
@@ -177,7 +191,9 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
                 terms.slopes[i, a] += at.bends[k] * along * at.directions[k, a]
         mu = obstacle[FRICTION_COEFFICIENT]
         if history.model != FRICTIONLESS and mu > 0.0:
-            position(history.c, history.h, history.s0, s, before)
+            # the boundary that goes with the point was a little beside: slip is short, its direction counts
+            curve = history.closed if points[i, INTERFACE] >= 0.0 else history.c
+            position(curve, history.h, history.s0, s, before)
             for a in range(3):
                 turned[a] = points[i, BEFORE + a]
             carry(history.obstacles[o], obstacle, before, turned)
@@ -215,7 +231,7 @@ def update_constraints(contacts, count, terms, rows):
 
 
 @njit(**INNER)
-def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
+def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, strain):
     """Constraint rows of all contact points, and what their forces add to the geometric stiffness.
 
     Args:
@@ -223,6 +239,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
         terms: `PointTerms` of the contact points.
         tangents: `Tangents`.
         rows: `ConstraintRows`, overwritten.
+        strain: `Strain`; the reach is overwritten if the cable stretches.
 
     Returns:
         The number of rows, and whether V and W are the same.
@@ -249,6 +266,9 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
     Nx, dNx = np.empty(order + 1), np.empty(order + 1)
     qs, gT, H, P, t = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty(3), np.empty(3)
     sticking = np.empty((2, 3))
+    soft = strain.reach.shape[0] > 0
+    owners = np.full(V.shape[0] if soft else 0, count)
+    tilt = np.empty((3, nd))
     for i in range(count):
         e, x = find_element(points[i, ARC_LENGTH], s0, h)
         first = e * order
@@ -264,7 +284,12 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
             interpolate_frame(q, first, order, N[k], frame, qs, D)
             norm = tangent(qs, t)
             weight = h[e] * weight_up_to(primitives, k, x)
-            tangent_derivative(qs, t, 2.0 * weight / norm, D, own, 0, nd)
+            if soft:
+                tilt[:] = 0.0
+                tangent_derivative(qs, t, 2.0 * weight / norm, D, tilt, 0, nd)
+                strain_slopes(strain.compliance[2], strain.G[e, k], t, tilt, own)
+            else:
+                tangent_derivative(qs, t, 2.0 * weight / norm, D, own, 0, nd)
             pull(qs, P, weight, gT, H)
             for a in range(4):
                 for j in range(nd):
@@ -341,13 +366,34 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows):
             total += 1
         for b in range(begin, total):
             upto[b] = e
+        if soft:
+            owners[3 + i] = i
+            for b in range(begin, total):
+                owners[b] = i
     for b in range(3):
         copy(V[b], W[b])
     for b in range(3 + count, total):
         copy(V[b], W[b])
     for i in range(count):
         stick_constraints(points, i, terms.misfits, lines, gaps)
+    if soft:
+        for b in range(3):
+            for a in range(3):
+                lines[b, a] = 1.0 if a == b else 0.0
+        blocks = np.empty((count + 1, count + 1, 3, 3))
+        reach_blocks(q, shape.grid, strain.compliance, points[:count, ARC_LENGTH].copy(), blocks)
+        reach_rows(blocks, owners, lines, total, strain.reach)
     return total, same
+
+
+@njit(**LEAF)
+def strain_slopes(soft, G, t, tilt, own):
+    """Add the derivative of (1 + c G.t) t to own (3, b), from that of t, tilt (3, b); c is `soft`."""
+    tension = G[0] * t[0] + G[1] * t[1] + G[2] * t[2]
+    for j in range(tilt.shape[1]):
+        rise = soft * (G[0] * tilt[0, j] + G[1] * tilt[1, j] + G[2] * tilt[2, j])
+        for a in range(3):
+            own[a, j] += (1.0 + soft * tension) * tilt[a, j] + rise * t[a]
 
 
 @njit(**LEAF)

@@ -21,7 +21,8 @@ class Shape(NamedTuple):
     q: np.ndarray
     """(n, 4) nodal frames."""
     c: np.ndarray
-    """(m, g + 1, 3) coefficients of the centreline, see `centreline.curve`."""
+    """(m, g + 1, 3) coefficients of the centreline, see `centreline.curve`; with a fourth column, the arc
+    length of the stretched cable, if it stretches."""
     grid: Grid
     """The mesh."""
 
@@ -65,6 +66,8 @@ class History(NamedTuple):
     """See `friction_kernels.stick_stiffness`."""
     c: np.ndarray
     """(m, g + 1, 3) the centreline of the last equilibrium."""
+    closed: np.ndarray
+    """(m, g + 3, 3) the same by `centreline.close_curve`: more accurate beside the ends of elements."""
     h: np.ndarray
     """(m,) lengths of its elements, L."""
     s0: np.ndarray
@@ -111,6 +114,20 @@ class Options(NamedTuple):
     """The same beside contact patches and within them, L."""
     finest: float
     """Spacing that measures elements along patches, L."""
+    bubbles: np.ndarray
+    """(2, g + 2) see `elements.end_bubbles`."""
+
+
+class Strain(NamedTuple):
+    """What a cable that stretches needs; all but the compliance is empty for one that keeps its length."""
+
+    compliance: np.ndarray
+    """(3,) of `rod_state.Stretch`, 0 against shear, L^2 / EI."""
+    G: np.ndarray
+    """(m, g, 3) internal force at the Gauss points, EI / L^2; changes in every iteration."""
+    reach: np.ndarray
+    """(rows, rows) how far each row's constraint gives way to each multiplier, L^3 / EI; changes with every
+    new tangent."""
 
 
 class KKT(NamedTuple):
@@ -124,6 +141,8 @@ class KKT(NamedTuple):
     """Its constraint rows."""
     factors: Factors
     """Its factors."""
+    strain: Strain
+    """Of a cable that stretches."""
 
 
 class PointTerms(NamedTuple):
@@ -160,6 +179,12 @@ def shape_of(shape):  # type: ignore[no-untyped-def]
 
 @njit(inline="always", **LEAF)
 def kkt_of(kkt):  # type: ignore[no-untyped-def]
-    """`KKT` of the tuple `kkt`: the fields of `Evaluation`, `Tangents`, `ConstraintRows` and `Factors`."""
-    evaluation, tangents, rows, factors = kkt
-    return KKT(Evaluation(*evaluation), Tangents(*tangents), ConstraintRows(*rows), Factors(*factors))
+    """`KKT` of the tuple `kkt`: the fields of each of its groups."""
+    evaluation, tangents, rows, factors, strain = kkt
+    return KKT(
+        Evaluation(*evaluation),
+        Tangents(*tangents),
+        ConstraintRows(*rows),
+        Factors(*factors),
+        Strain(*strain),
+    )

@@ -28,7 +28,7 @@ from cable_ros.contact.points import (
     add,
     remove,
 )
-from cable_ros.rod.centreline import curve, find_element
+from cable_ros.rod.centreline import find_element
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -128,7 +128,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
     """Update the active set at a solution: drop what pulls, add what is inside an obstacle.
 
     Args:
-        shape: `Shape`.
+        shape: `Shape`, its centreline traced.
         samples: (m,) equally spaced arc lengths, L.
         obstacles: (o, WIDTH).
         depth: depth up to which a point may be inside, L.
@@ -140,7 +140,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
     Returns:
         Whether the set has changed, and the number of points.
     """
-    q, c, (h, s0, tables) = shape
+    _, c, (h, s0, _) = shape
     spacing = 1.0 / (samples.shape[0] - 1)
     changed = False
     i = 0
@@ -150,7 +150,6 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             changed = True
         else:
             i += 1
-    curve(q, h, tables.values, tables.primitives, c)
     settled, count = settle(c, h, s0, points, count, spacing, obstacles, depth)
     changed = changed or settled
     m = samples.shape[0]

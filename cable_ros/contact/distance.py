@@ -25,7 +25,7 @@ POSE = slice(CENTRE, DIMENSIONS)
 def gap(obstacle, r, n, directions, bends):
     """Distance from a point to the obstacle's surface, less the offset; negative inside.
 
-    The Hessian is the sum of bends[i] directions[i] directions[i]^T.
+    Its Hessian by the point is the sum of bends[i] directions[i] directions[i]^T.
 
     Args:
         obstacle: (WIDTH,).
@@ -157,13 +157,19 @@ def pull(qs, P, weight, gT, H):
             H[j, i] = H[i, j]
 
 
-@njit(cache=True)
 def placed(local: np.ndarray, links: np.ndarray, start: np.ndarray, length: float) -> np.ndarray:
     """Obstacles `local` (n, WIDTH) on links at `links` (n, 7), seen from the start clamp at `start` (7,).
 
     Poses in the world, x y z, quaternion x y z w; the result is in units of the cable's length.
     """
     out = local.copy()
+    _place(local, links, start, length, out)
+    return out
+
+
+@njit(cache=True)
+def _place(local: np.ndarray, links: np.ndarray, start: np.ndarray, length: float, out: np.ndarray) -> None:
+    """`placed` in a copy `out` of `local`: compiled code returns arrays more slowly than Python."""
     a = np.array([start[6], -start[3], -start[4], -start[5]])
     b = np.empty(4)
     v = np.empty(3)
@@ -182,7 +188,6 @@ def placed(local: np.ndarray, links: np.ndarray, start: np.ndarray, length: floa
             out[i, axis], out[i, axis + 3], out[i, axis + 6] = quaternion.turned(both, v)
         for k in range(DIMENSIONS, FRICTION_COEFFICIENT):
             out[i, k] = local[i, k] / length
-    return out
 
 
 @njit(cache=True)

@@ -33,7 +33,7 @@ from cable_ros.contact.points import (
     total_force,
 )
 from cable_ros.contact.resolution import highest_mode, misplaced
-from cable_ros.contact.response import Contacts, wrench_response
+from cable_ros.contact.response import UNSTRAINED, Contacts, wrench_response
 from cable_ros.rod import entry_points, error_estimate, quaternion
 from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
@@ -74,7 +74,7 @@ class FixedSetRod(Rod):
 
     def __init__(
         self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None = None, tolerance: float = 1e-4,
-        density: int = 1,
+        density: int = 1, **more: np.ndarray,
     ) -> None:  # fmt: skip
         self.tolerance, self.density = tolerance, density
         # penetration far below 1e-6 at the default tolerance, above the rounding of positions
@@ -94,7 +94,7 @@ class FixedSetRod(Rod):
         self.friction_then = 0.0  # `_patch_friction` when `friction_error` was last computed
         self.settled: np.ndarray | None = None  # the shape at which the gradient with contact was computed
         self.gaps, self.normals = np.zeros(ROWS), np.zeros((CAPACITY, 3))
-        super().__init__(mesh, stiffness, natural)
+        super().__init__(mesh, stiffness, natural, **more)
 
     def _allocate(self, mesh: Mesh) -> None:
         super()._allocate(mesh)
@@ -149,7 +149,9 @@ class FixedSetRod(Rod):
         self._sample(len(self.phi))
 
     def contact_force(self) -> np.ndarray:
-        return np.asarray(total_force(self.points, self.normals, self.count))
+        out = np.empty(3)
+        total_force(self.points, self.normals, self.count, out)
+        return out
 
     # groups of `contact_state` and `rod_state`, as plain tuples, see `rod.entry_points`
 
@@ -170,24 +172,38 @@ class FixedSetRod(Rod):
     def kkt(self, factors: tuple[np.ndarray, ...]) -> tuple[tuple[np.ndarray, ...], ...]:
         """`KKT` with these factors."""
         evaluation, tangents, _ = self.saddle
-        return evaluation, tangents, self.constraints, factors
+        return evaluation, tangents, self.constraints, factors, self.strain
 
     def _factors(self, complement: np.ndarray) -> tuple[np.ndarray, ...]:
         """`Factors` for stability and error estimates, with this Schur complement."""
         return self.A, self.L, self.pivots, self.responses, complement
 
+    strain: tuple[np.ndarray, ...] = (NOTHING, UNSTRAINED, np.zeros((0, 0)))
+    """`Strain`."""
+
     # where it is
 
-    def trace(self, q: np.ndarray) -> None:
-        """Compute the centreline of the nodal frames q (n, 4)."""
+    def trace(self, q: np.ndarray, F: np.ndarray | None = None) -> None:
+        """Compute the centreline of the nodal frames q (n, 4); a cable that stretches needs the end force F,
+        or takes that of the last time.
+        """
         curve(q, self.h, self.tables.values, self.tables.primitives, self.c)
 
-    def sunk(self, obstacles: np.ndarray) -> bool:
-        """Whether a patch, or what is beside it, is deeper inside an obstacle than its springs allow."""
-        if not (self.points[: self.count, KIND] == SAMPLE).any():
+    @property
+    def has_patch(self) -> bool:
+        """Whether it lies along an obstacle."""
+        return SAMPLE in self.points[: self.count, KIND].tolist()  # for few points quicker than NumPy
+
+    def sunk(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray) -> bool:
+        """Whether a patch, or what is beside it, is deeper inside an obstacle than its springs allow.
+
+        q, F: (n, 4) nodal frames and (3,) end force.
+        """
+        if not self.has_patch:
             return False
         if self.gaps[: self.count].min() < -DEEPEST:
             return True
+        self.trace(q, F)
         scan(self.c, self.h, self.s0, self.samples, obstacles, self.phi)
         return float(self.phi[:, 1:-1].min()) < -DEEPEST
 
@@ -216,8 +232,14 @@ class FixedSetRod(Rod):
         out = np.empty(len(self.h))
         self.trace(q)
         fine = self.fine.values, self.fine.weights
-        misplaced((q, self.c, self.h, self.s0), fine, self.obstacles, self.points, self.count, out)
+        misplaced(
+            (q, self.c, self.h, self.s0), fine, self._bare(q), self.obstacles, self.points, self.count, out
+        )
         return out > 2.0 * leeway * self.give
+
+    def _bare(self, q: np.ndarray) -> np.ndarray:
+        """The coefficients of the traced centreline of q (n, 4) without axial strain."""
+        return self.c
 
     def suited(self, mesh: Mesh) -> Mesh:
         return suited(mesh, self.points[: self.count])
@@ -226,7 +248,7 @@ class FixedSetRod(Rod):
 
     def assemble(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
         """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
-        history = model, self.direction, self.presliding, self.c, self.h, self.s0, self.obstacles
+        history = model, self.direction, self.presliding, self.c, self.c, self.h, self.s0, self.obstacles
         return int(assemble_kkt(
             self.shape(q), (F, self.f), self.section, self.obstacles, history, self.contacts, self.count,
             self.kkt(self._factors(self.complement)),
@@ -235,7 +257,7 @@ class FixedSetRod(Rod):
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
         if not self.count:
             return super().refactor(q, F)
-        self.trace(q)
+        self.trace(q, F)
         self._normal = self.settled = None
         self.rows = self.assemble(q, F, FRICTIONLESS)
         self.rotation, self.ready = 0.0, self.model == FRICTIONLESS
@@ -245,7 +267,17 @@ class FixedSetRod(Rod):
         """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
         self.judged = True
         system = *self.saddle[:2], self._factors(self.complement)
-        return bool(entry_points.kkt_factor(mu, system, self.V, self.delta, self.rows, equalities))
+        return bool(
+            entry_points.kkt_factor(
+                mu,
+                system,
+                self.V,
+                self.delta,
+                self.strain[-1],
+                self.rows,
+                equalities,
+            )
+        )
 
     def _judge(self) -> None:
         """Compute factors for stability and error estimates: those of the iteration with friction are not."""
@@ -277,7 +309,7 @@ class FixedSetRod(Rod):
         """As `Rod.wrench_response`; see `response.wrench_response`."""
         if not self.count:
             return super().wrench_response(q, F, moving)
-        self.trace(q)
+        self.trace(q, F)
         self.rows = self.assemble(q, F, FRICTIONLESS)
         self.judged = self.ready = False
         points = self.points[: self.count]
@@ -292,7 +324,8 @@ class FixedSetRod(Rod):
             give=1.0 / STICK,
         )  # fmt: skip
         clamps = self.qe, F, F + self.f + self.contact_force(), self.g
-        return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving)
+        return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving,
+                               *self.strain[:2])  # fmt: skip
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """As `Rod.wrench_error`, with the contact forces as loads and the constraint rows of the contacts."""
@@ -301,9 +334,10 @@ class FixedSetRod(Rod):
         self._judge()
         Fe, residual = np.empty((len(self.h), 3)), np.empty(self.g.size)
         point_forces(self.shape(q), F, self.contacts, self.count, Fe, self.acc)
+        self.trace(q, F)
+        boundaries = np.ascontiguousarray(np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])[:, :3])
+        re = self._without_strain(q, F, boundaries)
         nodal(q, self.acc, residual)
-        self.trace(q)
-        boundaries = np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])
         # where a sticking point sits depends on this mesh: its force is a given load, its rows are released
         sticks, slips = self.points[: self.count, [STICK_ROW, SLIP_ROW]].astype(int).T
         sticks, slips = sticks[sticks > 0], slips[slips > 0]
@@ -313,21 +347,28 @@ class FixedSetRod(Rod):
             complement = complement[: self.rows, : self.rows].copy()
             complement[friction, friction] = RELEASED
         return np.asarray(error_estimate.error(
-            q, Fe, (self.qe, self.re, self.f), self.section, self.grid, self.enrichment,
+            q, Fe, (self.qe, re, self.f), self.section, self.grid, self.enrichment,
             (*self.saddle[:2], self._factors(complement)), self.constraints, self.rows,
             (boundaries, residual, self.shares),
         ))  # fmt: skip
+
+    def _without_strain(self, q: np.ndarray, F: np.ndarray, boundaries: np.ndarray) -> np.ndarray:
+        """The end position (3,) and, in place, the elements' `boundaries` (m + 1, 3) without the displacement
+        by axial strain, whose pull on the nodes is added to `acc`.
+        """
+        return self.re
 
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """(2,) relative errors of the forces with which the clamps press on a plane that the cable lies on.
 
         On a plane, M' + t x F = 0 across the plane's normal n and the tangent t asks for B F n = (M t) (M n),
-        with one bending stiffness B. Moments are accurate, but how a clamp and the sample beside it share
-        the pressure near the clamp depends on the element there. An error of the start's wrench counts for a
-        fifth: the tolerance is the end's. Zero where this says nothing.
+        with one bending stiffness B; a cable that stretches has F times 1 + its strain there. Moments
+        are accurate, but how a clamp and the sample beside it share the pressure near the clamp depends on
+        the element there. An error of the start's wrench counts for a fifth: the tolerance is the end's. Zero
+        where this says nothing.
         """
         out, points = np.zeros(2), self.points[: self.count]
-        if not (points[:, KIND] == SAMPLE).any() or self.K[0] != self.K[1] or self.natural[:2].any():
+        if not self.has_patch or self.K[0] != self.K[1] or self.natural[:2].any():
             return out
         assert self.obstacles is not None
         n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
@@ -338,7 +379,8 @@ class FixedSetRod(Rod):
             for o in np.unique(points[:, OBSTACLE]).astype(int):
                 gap(self.obstacles[o], r, n, directions, bends)
                 if inside(points, self.count, o, s) and not bends.any() and abs(t @ n) < LEVEL:
-                    error = abs(self.K[0] * (force @ n) - (M @ t) * (M @ n)) / self.K[0]
+                    pressing = (1.0 + self.compliance[2] * (force @ t)) * (force @ n)
+                    error = abs(self.K[0] * pressing - (M @ t) * (M @ n)) / self.K[0]
                     out[k] = max(out[k], (1.0 if s else START) * error * size)
         return out
 
@@ -370,7 +412,7 @@ class FixedSetRod(Rod):
 
     def _patch_friction(self) -> float:
         """Sum of the friction along patches."""
-        points = self.points[: self.count]
-        if SAMPLE not in points[:, KIND].tolist():  # quicker than to add up nothing
+        if not self.has_patch:
             return 0.0
+        points = self.points[: self.count]
         return float(np.abs(points[points[:, KIND] == SAMPLE, FRICTION : FRICTION + 3]).sum())

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, LEAF, njit
-from cable_ros.contact.distance import AXES, CENTRE
-from cable_ros.contact.points import FORCE, FRICTION, SLIPS
+from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
+from cable_ros.contact.distance import AXES, CENTRE, FRICTION_COEFFICIENT
+from cable_ros.contact.points import BEFORE, FORCE, FRICTION, OBSTACLE, SLIPS
 
 DIRECTION, ACROSS, STIFFNESS, TANGENT = 0, 3, 6, 7
 """Slots of a tangent of friction: direction of the slip force (3), direction across it (3), stiffness across;
@@ -116,6 +116,23 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
     limit[ACROSS + 2] = n[0] * d1 - n[1] * d0
     limit[STIFFNESS] = stiffness * cone / size
     return not slips
+
+
+@njit(**LEAF_ENTRY)
+def slip_change(points, count, obstacles):
+    """Sum of the changes of friction in a step where it slips, and that of all possible friction, EI / L^2.
+
+    Args:
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        obstacles: (o, WIDTH).
+    """
+    change, possible = 0.0, 0.0
+    for i in range(count):
+        possible += points[i, FORCE] * obstacles[int(points[i, OBSTACLE]), FRICTION_COEFFICIENT]
+        if points[i, SLIPS] == 1.0:
+            for a in range(3):
+                change += abs(points[i, FRICTION + a] - points[i, BEFORE + a])
+    return change, possible
 
 
 @njit(**INNER)

@@ -184,6 +184,13 @@ def passage(q_old, shape, samples, old_obstacles, obstacles, phi):
     old_c = np.empty_like(c)
     curve(q_old, h, tables.values, tables.primitives, old_c)
     curve(q, h, tables.values, tables.primitives, c)
+    return passed(old_c, (c, h, s0), samples, old_obstacles, obstacles, phi)
+
+
+@njit(**OPTIONS)
+def passed(old_c, curves, samples, old_obstacles, obstacles, phi):
+    """`passage` from the centreline old_c to another one, given with lengths and starts of the elements."""
+    c, h, s0 = curves
     smallest = scan(c, h, s0, samples, obstacles, phi)
     crossed = False
     r, r_old = np.empty(3), np.empty(3)

@@ -13,7 +13,8 @@ from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import gap
 from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT, SAMPLE
-from cable_ros.rod.centreline import curve, direction, position
+from cable_ros.contact.stretched import trace
+from cable_ros.rod.centreline import direction, elongation, position
 from cable_ros.rod.centreline import shape as shape_functions
 
 NARROWEST = 0.12
@@ -30,7 +31,8 @@ SHORTEST = 1e-3
 def gap_at(shape, s, obstacle, at):
     """Gap g at arc length s, and g' = n.t, g'' = n.t' + sum_i bends_i (d_i.t)^2.
 
-    Here n is the obstacle's normal, d_i and bends_i are its principal directions and curvatures there.
+    Here n is the obstacle's normal, d_i and bends_i are its principal directions and curvatures there. The
+    derivatives are those by the stretched arc length.
 
     Args:
         shape: `Shape`.
@@ -41,6 +43,10 @@ def gap_at(shape, s, obstacle, at):
     q, c, (h, s0, tables) = shape
     position(c, h, s0, s, at.r)
     direction(q, h, s0, tables.nodes, s, at.t, at.dt)
+    if c.shape[2] > 3:
+        long = elongation(c, h, s0, s)
+        for a in range(3):
+            at.dt[a] /= long
     value = gap(obstacle, at.r, at.n, at.directions, at.bends)
     slope, curvature = 0.0, 0.0
     for a in range(3):
@@ -179,22 +185,24 @@ def own_interface(points, count, i, h, s0):
 
 
 @njit(**INNER)
-def place_points(shape, obstacles, spacing, points, count):
+def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
     """Move the points to their gap's minimum, and boundaries to them and to the ends of patches.
 
     Args:
         shape: `Shape`, which changes with the mesh.
         obstacles: (o, WIDTH).
         spacing: of the samples, L.
-        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        contacts, count: `ContactSet` and the number of its points.
+        forces, strain: as in `stretched.trace`.
 
     Returns:
         Whether each has its boundary.
     """
-    q, c, grid = shape
-    h, s0, tables = grid
+    q, _, grid = shape
+    h, s0, _ = grid
+    points = contacts.points
     at = surface()
-    curve(q, h, tables.values, tables.primitives, c)
+    trace(shape, forces, contacts, count, obstacles, strain)
     owned = True
     for i in range(count):
         if points[i, KIND] == SAMPLE:
@@ -215,7 +223,7 @@ def place_points(shape, obstacles, spacing, points, count):
                 break
             points[i, INTERFACE] = -1.0
         if points[i, INTERFACE] >= 0.0:
-            curve(q, h, tables.values, tables.primitives, c)
+            trace(shape, forces, contacts, count, obstacles, strain)
         else:
             owned = False
     return owned

@@ -14,8 +14,10 @@ from cable_ros.contact.interfaces import place_points
 from cable_ros.contact.patch_ends import move_ends, shrink
 from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
 from cable_ros.contact.points import BEFORE, FORCE, FRICTION, KIND, POINT, SAMPLE, SLOPE_ROW, STICK_ROW
+from cable_ros.contact.stretched import trace
 from cable_ros.linalg import banded
 from cable_ros.linalg.bordered import (
+    add_reach,
     complement,
     complement_factors,
     end_coupling,
@@ -24,7 +26,7 @@ from cable_ros.linalg.bordered import (
 )
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
-from cable_ros.rod.centreline import curve
+from cable_ros.rod.centreline import close_curve
 from cable_ros.rod.rod_state import Section, grid_of
 from cable_ros.rod.warm_step import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 
@@ -36,7 +38,7 @@ MOST_REVISIONS, MOST_ITERATIONS = 44, 25
 """Maximum number of changes of the active set in a solve, and of iterations between two of them."""
 ROUNDING = 10.0
 """Steps that stagnate below this multiple of the tolerance are rounding error."""
-MOST_IN_ALL = 250
+MOST_IN_ALL = 75
 """Beyond this many iterations the active set is assumed to cycle."""
 
 
@@ -57,6 +59,7 @@ def skew_factor(kkt, count, order):
             A[i, j] = elastic[i, j] + geometric[i, j]
     banded.factor(A, 3, n - 3, order, U, pivots)
     complement(kkt.rows.V, kkt.rows.W, count, order, kkt.factors)
+    add_reach(kkt.strain.reach, count, S)
     for a in range(count):
         S[a, a] += kkt.rows.delta[a]
 
@@ -87,16 +90,16 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     """
     last, section, grid, contacts = Last(*last), Section(*section), grid_of(grid), ContactSet(*contacts)
     kkt, options = kkt_of(kkt), Options(*options)
-    q, F, _, _, count, total_rows, ready, known = last
+    q, F, f_old, obstacles_old, count, total_rows, ready, known = last
     q_new, F_new = new
     qe, re, f = conditions
     h, s0, tables = grid
     points, gaps, _ = contacts
-    evaluation, tangents, rows, factors = kkt
+    evaluation, tangents, rows, factors, strain = kkt
     V, lines, totals = rows.V, rows.lines, evaluation.totals
-    model, _, _, samples, depth, give, finest = options
+    model, _, _, samples, depth, give, finest, bubbles = options
     tolerance, limit, rotation, refactor_at = control
-    N, primitives = tables.values, tables.primitives
+    N = tables.values
     order = N.shape[1] - 1
     n = 3 * q.shape[0]
     gv = evaluation.g.reshape(n)
@@ -107,11 +110,17 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     phi = np.empty((obstacles.shape[0], cells + 1))
     covered = np.empty((obstacles.shape[0], SAMPLES * elements), np.bool_)
     cover(points, count, h, s0, covered)
-    c = np.empty((elements, N.shape[0] + 1, 3))
-    old_c = np.empty_like(c)
-    curve(q, h, N, primitives, old_c)
+    # a cable that stretches settles beside what stands there
+    c = np.zeros((elements, N.shape[0] + 1, 4 if strain.reach.shape[0] > 0 else 3))
+    old_c = np.zeros_like(c)
+    trace(Shape(q, old_c, grid), (F, f_old), contacts, count, obstacles_old, strain)
+    closed = np.zeros((elements, N.shape[0] + 3, 3))
+    if strain.reach.shape[0] == 0:
+        close_curve(q, h, bubbles, old_c, closed)
+    else:  # the tangents of the frames are not those of a centreline that stretches
+        closed[:, : N.shape[0] + 1] = old_c[:, :, :3]
     history = History(
-        model, options.direction, options.presliding, old_c, h.copy(), s0.copy(), last.obstacles
+        model, options.direction, options.presliding, old_c, closed, h.copy(), s0.copy(), last.obstacles
     )
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
@@ -132,10 +141,10 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         converged = False
         for iteration in range(MOST_ITERATIONS):
             changes = 0
-            curve(q_new, h, N, primitives, c)
+            trace(shape, (F_new, f), contacts, count, obstacles, strain)
             if not tangent:
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
-                moved = not place_points(shape, obstacles, spacing, points, count)
+                moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
                 shrunk, count = shrink(points, count, spacing, depth)
                 changes, count = fill(points, count, h, s0, covered)
                 changes += flattened + shrunk
@@ -158,7 +167,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 total_rows, holds, fresh, rotation = new_rows, True, True, 0.0
                 steady = same or model != COULOMB
             if full and same:
-                convex = kkt_factor(tangents, 0.0, order, factors, V, rows.delta, total_rows, 3 + count)
+                convex = kkt_factor(
+                    tangents, 0.0, order, factors, V, rows.delta, strain.reach, total_rows, 3 + count
+                )
             elif full:
                 skew_factor(kkt, total_rows, order)
             if full or swaps.shape[0] != total_rows:
@@ -204,6 +215,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation
         # the error of the iteration must not pass for penetration
         left = depth + step * rate
+        trace(shape, (F_new, f), contacts, count, obstacles, strain)
         changed, count = update_active_set(
             shape, samples, obstacles, left, left - depth + give, points, count, phi
         )

@@ -167,7 +167,7 @@ class NodalContacts(Rod):
         positions, sliding = self.state.r[at[0]], self.sliding()[at]
         return LoadedContacts(arc_lengths, positions, normals[at], forces[at], at[1], sliding, spread)
 
-    def loaded_contacts(self) -> Callable[[], LoadedContacts] | None:
+    def loaded_contacts(self, q: np.ndarray) -> Callable[[], LoadedContacts] | None:
         return partial(LoadedContacts, *self.contacts()) if self.touches else None
 
     def _weigh(self) -> None:
@@ -235,6 +235,7 @@ class NodalContacts(Rod):
         )  # fmt: skip
 
     def _stable(self) -> bool:
+        """Whether the present equilibrium is a strict minimum, contacts and friction as they are."""
         return self._softest(1) > 0.0
 
     def _softest(self, iterations: int = ITERATIONS) -> float:

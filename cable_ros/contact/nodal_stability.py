@@ -36,10 +36,10 @@ def softest(
     """Smallest eigenvalue of the stiffness, relative to the elastic one; UNSTABLE if it is not positive.
 
     Args:
-        tangents: the rod's.
+        tangents: `Tangents` of the rod.
         rows: numbers of the unknowns.
         at: (c, 6) numbers of the unknowns of each contact: position, normal force, friction.
-        contacts: (c, 6, 6) the part of the tangent that each contact makes, in this order.
+        contacts: (c, 6, 6) the part of the tangent that each contact makes, in the order of `at`.
         start: (3n,) rotations to start the search from, zero at the clamps.
         iterations: maximum number; with fewer the eigenvalue is too large, its sign is right with 1.
     """

@@ -5,6 +5,7 @@ obstacles.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -63,6 +64,12 @@ def descend(
     return found
 
 
+Descent = Callable[
+    [ActiveSetRod, np.ndarray, np.ndarray, Options, int], tuple[np.ndarray, np.ndarray, int] | None
+]
+"""As `descend`, with its first arguments."""
+
+
 def _descend(
     rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int, taut: bool, minima: bool
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
@@ -81,7 +88,7 @@ def _descend(
         result = minimize(soft, q, F, replace(options, iterations=most))
         total += result.iterations
         rod.spend(SOFT * result.iterations)
-        if not result.converged:
+        if not (result.converged or result.stalled):  # springs at minima have kinks, contacts do not
             break
         q, F = result.x, result.y
         rod.ready = False
@@ -105,8 +112,9 @@ def _descend(
 def descend_instead(
     rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
     limit: float, obstacles: np.ndarray, failed: tuple[int, int, np.ndarray, np.ndarray],
+    descent: Descent = descend,
 ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-    """A descent with soft obstacles, for a step whose contacts change so much that Newton's method fails.
+    """A `descent` with soft obstacles, for a step whose contacts change so much that Newton's method fails.
 
     Taken only if it ends near the shape before, as a continued branch does; else returns `failed`.
     """
@@ -128,7 +136,7 @@ def descend_instead(
     start[-1] = end
     kept_back = (1.0 - SHARE) * rod.work if np.isfinite(rod.work) else 0.0
     rod.work -= kept_back
-    found = descend(rod, start, F, DESCENT_OPTIONS, FAR)
+    found = descent(rod, start, F, DESCENT_OPTIONS, FAR)
     rod.work += kept_back
     if found is not None:
         after = rod.mesh.interpolate(found[0], GRID)

@@ -8,9 +8,7 @@ cable, start clamp's frame.
 
 from __future__ import annotations
 
-import numpy as np
-
-from cable_ros.compilation import INNER, LEAF, njit
+from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -39,19 +37,19 @@ APART = 2.5
 """Distance from a contact point, in spacings, within which contact belongs to it."""
 
 
-@njit(**OPTIONS)
-def total_force(points, normals, count):
-    """(3,) the force of all contact points on the cable.
+@njit(**LEAF_ENTRY)
+def total_force(points, normals, count, out):
+    """The force of all contact points on the cable.
 
     Args:
         points, normals: of `ContactSet`.
         count: of the contact points.
+        out: (3,) receives the force.
     """
-    out = np.zeros(3)
+    out[0], out[1], out[2] = 0.0, 0.0, 0.0
     for i in range(count):
         for a in range(3):
             out[a] += points[i, FORCE] * normals[i, a] + points[i, FRICTION + a]
-    return out
 
 
 @njit(**LEAF)

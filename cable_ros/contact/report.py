@@ -8,10 +8,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from cable_ros.compilation import njit
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, FRICTION, LENGTH, OBSTACLE, SLIPS
 from cable_ros.equilibrium import ContactTable
 from cable_ros.rod import quaternion
-from cable_ros.rod.centreline import position
+from cable_ros.rod.centreline import curve, position
+from cable_ros.rod.elements import ReferenceElement
 from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.units import Units
 
@@ -21,31 +23,41 @@ which is no motion, it sticks there."""
 
 
 def listed(
-    points: np.ndarray, normals: np.ndarray, curve: tuple[np.ndarray, np.ndarray, np.ndarray],
-    coefficients: np.ndarray,
+    points: np.ndarray, normals: np.ndarray, centreline: Callable[[], np.ndarray],
+    grid: tuple[np.ndarray, np.ndarray], obstacles: np.ndarray, rough: bool,
 ) -> LoadedContacts:  # fmt: skip
     """The loaded contacts of a rod with contact points.
 
     Args:
         points: (n, COLUMNS), see `contact.points`, with `normals` (n, 3), both in the start clamp's frame.
-        curve: coefficients of the centreline, lengths and starts of the elements, see
-            `centreline.curve`.
-        coefficients: of friction (obstacles,), zeros where it is left out.
+        centreline: computes its coefficients, see `centreline.curve`.
+        grid: lengths and starts (m,) of the elements, L.
+        obstacles: (o, WIDTH).
+        rough: whether friction counts.
     """
+    (h, s0), c = grid, centreline()
+    limits = obstacles[:, FRICTION_COEFFICIENT] * rough
     order = np.argsort(points[:, ARC_LENGTH], kind="stable")
     points, normals = points[order], normals[order]
     which, friction = points[:, OBSTACLE].astype(int), points[:, FRICTION:BEFORE]
-    cone, size = coefficients[which] * points[:, FORCE], np.linalg.norm(friction, axis=1)
+    cone, size = limits[which] * points[:, FORCE], np.linalg.norm(friction, axis=1)
     arc_lengths = np.ascontiguousarray(points[:, ARC_LENGTH])
     return LoadedContacts(
         arc_lengths=arc_lengths,
-        positions=positions(*curve, arc_lengths),
+        positions=positions(c, h, s0, arc_lengths),
         normals=normals,
         forces=points[:, FORCE, None] * normals + friction,
         obstacles=which,
         sliding=(cone > 0.0) & ((points[:, SLIPS] == 1.0) | (size > (1.0 - AT_LIMIT) * cone)),
         lengths=points[:, LENGTH],
     )
+
+
+def coefficients(q: np.ndarray, h: np.ndarray, element: ReferenceElement) -> np.ndarray:
+    """(m, g + 1, 3) of the centreline of the nodal frames q (n, 4), see `centreline.curve`."""
+    c = np.empty((len(h), len(element.points) + 1, 3))
+    curve(q, h, element.values, element.tables.primitives, c)
+    return c
 
 
 @njit(cache=True)

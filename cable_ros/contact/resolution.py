@@ -18,7 +18,7 @@ HIGHEST = np.polynomial.legendre.Legendre.basis(SAMPLES - 1)(2.0 * NODES - 1.0)
 
 
 @njit(**OPTIONS)
-def misplaced(shape, fine, obstacles, points, count, out):
+def misplaced(shape, fine, bare, obstacles, points, count, out):
     """Error of the position of each element in contact, L.
 
     That is the larger of two: the depth inside an obstacle between the samples that press on it, and the
@@ -27,6 +27,7 @@ def misplaced(shape, fine, obstacles, points, count, out):
     Args:
         shape: nodal frames, coefficients of the centreline, lengths and starts of the elements, see `Shape`.
         fine: shape functions (g, p + 1) and weights (g,) of the finer rule.
+        bare: (m, g + 1, 3) the centreline's coefficients without axial strain.
         obstacles: (o, WIDTH).
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
         out: (m,) receives the errors.
@@ -39,7 +40,7 @@ def misplaced(shape, fine, obstacles, points, count, out):
         for a in range(3):
             missed[a] = 0.0
             for m in range(1, c.shape[1]):
-                missed[a] -= c[e, m, a]
+                missed[a] -= bare[e, m, a]
         for k in range(N.shape[0]):
             for a in range(4):
                 qs[a] = 0.0

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cable_ros.contact.response_kernels import columns, displacements, solve_inner, surfaces
+from cable_ros.contact.stretched import elongations, reaches
 from cable_ros.rod import quaternion
 
 FAINT = 1e-9
@@ -33,6 +34,10 @@ SINGULAR = 1e-11
 """A factorisation with a worse pivot has lost its digits; as in `bordered.factor`."""
 CONDITION = 1e13
 """Nor has a system of a greater condition any left."""
+
+
+NOTHING, UNSTRAINED = np.zeros(3), np.zeros((0, 0, 3))
+"""A cable that keeps its length."""
 
 
 class Contacts(NamedTuple):
@@ -59,9 +64,13 @@ class Contacts(NamedTuple):
 
 
 class Rows:
-    """Rows of the constraints: V and W (rows, 3n), D (rows, rows), c (rows, motions), in blocks."""
+    """Rows of the constraints: V and W (rows, 3n), D (rows, rows), c (rows, motions), in blocks.
 
-    def __init__(self, size: int, unknowns: int, motions: int) -> None:
+    `lines` (rows, points + 1, 3): what each reads of the positions of the contact points and of the end.
+    """
+
+    def __init__(self, size: int, unknowns: int, motions: int, points: int) -> None:
+        self.lines = np.zeros((size, points + 1, 3))
         self.V, self.W = np.zeros((size, unknowns)), np.zeros((size, unknowns))
         self.D, self.c = np.zeros((size, size)), np.zeros((size, motions))
         self.count = 0
@@ -74,7 +83,8 @@ class Rows:
 
 def wrench_response(
     shape: tuple[Any, ...], clamps: tuple[np.ndarray, ...], tangents: tuple[np.ndarray, ...],
-    bodies: np.ndarray, contacts: Contacts, moving: Sequence[int],
+    bodies: np.ndarray, contacts: Contacts, moving: Sequence[int], compliance: np.ndarray = NOTHING,
+    G: np.ndarray = UNSTRAINED,
 ) -> np.ndarray:  # fmt: skip
     """Derivative (12 + 6 k, 12 + 6 k) of the wrenches on the cable by motions of clamps and obstacles.
 
@@ -91,16 +101,20 @@ def wrench_response(
         bodies: (obstacles, WIDTH) as `distance.gap` takes them.
         contacts: the contact points.
         moving: the obstacles that may move.
+        compliance: (3,) of `rod_state.Stretch`, against tension only; not with friction.
+        G: (m, g, 3) internal forces at the Gauss points, of a cable that stretches.
     """
     qe, F, start_force, g = clamps
     hessian, C = (tangents[0], tangents[1]), tangents[-1]
     m, n = len(contacts.arc_lengths), C.shape[1]
     order = hessian[0].shape[1] // 3 - 1
     displacement, turn = np.empty((m, 3, n)), np.empty((m, 3, n))
-    displacements(shape, tangents[2], contacts.arc_lengths, displacement, turn)
+    displacements(shape, tangents[2], contacts.arc_lengths, float(compliance[2]), G, displacement, turn)
     r, t, dt, normals, directions, bends = surfaces(shape, contacts.arc_lengths, contacts.obstacles, bodies)
     pressure, friction = contacts.pressure, contacts.friction
     P = pressure[:, None] * normals + friction
+    if compliance.any():  # arc lengths below are those of the stretched cable
+        dt /= elongations(shape, contacts.arc_lengths)[:, None]
 
     # the motions: of the clamps' frames, of the start point, of the obstacle's points under each contact
     motions = 12 + 6 * len(moving)
@@ -124,18 +138,20 @@ def wrench_response(
     tilted = contacts.lifts_off | (contacts.at_minimum & strong)
     mobile = contacts.across & strong & friction.any(axis=1)
     size = 3 + m + int(bent.sum() + tilted.sum() + 2 * contacts.sticks.sum() + 3 * mobile.sum())
-    rows = Rows(size, n, motions)
-    V, W, D, c = rows.V, rows.W, rows.D, rows.c
+    rows = Rows(size, n, motions, m)
+    V, W, D, c, lines = rows.V, rows.W, rows.D, rows.c, rows.lines
     share = np.divide(1.0, pressure, out=np.zeros(m), where=strong)  # per force: a faint one moves nothing
     forces = np.zeros((m, 3, size))  # on each contact, by the unknowns
     ds = np.zeros((m, size))  # arc length of each contact, by the unknowns
 
     end = rows.take(3)
     V[end] = W[end] = C
+    lines[end, m] = np.eye(3)
     c[end] = C[:, clamps] @ x_clamps + shift - end_shift
 
     gap = rows.take(m)
     V[gap] = np.einsum("ia,iaj->ij", normals, displacement)
+    lines[gap, np.arange(m)] = normals
     c[gap] = np.einsum("ia,iak->ik", normals, relative)
     slips = ~contacts.sticks & friction.any(axis=1)
     forces[np.arange(m), :, gap] = np.where(slips[:, None], normals + share[:, None] * friction, normals)
@@ -145,6 +161,7 @@ def wrench_response(
         i = np.flatnonzero(bent[:, k])
         d, at = directions[i, k], rows.take(len(i))
         V[at] = np.einsum("ia,iaj->ij", d, displacement[i])
+        lines[at, i] = d
         c[at] = np.einsum("ia,iak->ik", d, relative[i])
         D[at, at] = -share[i] / bends[i, k]
         lean[i, :, at] = share[i, None] * d
@@ -154,6 +171,7 @@ def wrench_response(
     along = np.einsum("ik,ika,ia->ik", bends[i], directions[i], t[i])
     slope = np.einsum("ik,ika->ia", along, directions[i])
     V[at] = np.einsum("ia,iaj->ij", slope, displacement[i]) + np.einsum("ia,iaj->ij", normals[i], turn[i])
+    lines[at, i] = slope
     c[at] = (
         np.einsum("ia,iak->ik", slope, relative[i])
         + np.einsum("ia,iak->ik", normals[i], turn[i][:, :, clamps] @ x_clamps)
@@ -186,6 +204,16 @@ def wrench_response(
         motions_of = Motions(normals, t, dt, turn, lean, ds, spin, x_clamps)
         _mobilised(rows, i, contacts, motions_of, forces, explicit)
 
+    given, stretch = np.zeros((0, motions)), np.zeros((0, 0))
+    if compliance.any():
+        blocks = reaches(shape, compliance, contacts.arc_lengths)
+        at_end = np.zeros((1, 3, size))
+        at_end[0, :, end] = np.eye(3)
+        stretch = np.einsum("ijab,jbk->iak", blocks, np.concatenate([forces, at_end]))
+        given = np.einsum("ijab,jbk->iak", blocks[:, :m], explicit)
+        D += np.einsum("ria,iak->rk", lines, stretch)
+        c += np.einsum("ria,iak->rk", lines, given)
+
     flat = displacement.reshape(3 * m, n)
     W += forces.reshape(3 * m, size).T @ flat
     b = columns(*hessian, 0, 3) @ x_clamps[:3] + columns(*hessian, n - 3, 3) @ x_clamps[3:]
@@ -203,6 +231,8 @@ def wrench_response(
     x[clamps] = x_clamps
     dP = forces @ y + explicit
     dr = displacement @ x + shift + t[:, :, None] * (ds @ y)[:, None, :]
+    if compliance.any():
+        dr += stretch[:m] @ y + given[:m]
     dF = y[:3]
     back = quaternion.conjugate(qe)
     to_end = np.stack([quaternion.rotate(back, axis) for axis in np.eye(3)], axis=1)

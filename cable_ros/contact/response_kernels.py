@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
+from cable_ros.contact.assembly import strain_slopes
 from cable_ros.contact.distance import gap
 from cable_ros.linalg import banded
 from cable_ros.rod.centreline import (
@@ -25,13 +26,15 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 @njit(**OPTIONS)
-def displacements(shape, dchord, arc_lengths, displacement, turn):
+def displacements(shape, dchord, arc_lengths, soft, G, displacement, turn):
     """Derivatives of position and tangent at given arc lengths by the nodal rotations.
 
     Args:
         shape: fields of `contact_state.Shape`, as plain tuples.
         dchord: (m, 3, b) of `rod_state.Tangents`.
         arc_lengths: (k,) arc lengths, L.
+        soft, G: compliance against tension, L^2 / EI, and (m, g, 3) internal forces at the Gauss points if it
+            is not 0.
         displacement, turn: (k, 3, 3n) receive the derivatives of position and tangent.
     """
     q, _, grid = shape
@@ -41,7 +44,7 @@ def displacements(shape, dchord, arc_lengths, displacement, turn):
     nd = 3 * (order + 1)
     frame, D = np.empty((4, nd)), np.empty((4, nd))
     Nx, dNx = np.empty(order + 1), np.empty(order + 1)
-    qs, t = np.empty(4), np.empty(3)
+    qs, t, tilt = np.empty(4), np.empty(3), np.empty((3, nd))
     displacement[:] = 0.0
     turn[:] = 0.0
     for i in range(arc_lengths.shape[0]):
@@ -59,7 +62,12 @@ def displacements(shape, dchord, arc_lengths, displacement, turn):
             interpolate_frame(q, first, order, N[k], frame, qs, D)
             norm = tangent(qs, t)
             weight = h[e] * weight_up_to(tables.primitives, k, x)
-            tangent_derivative(qs, t, 2.0 * weight / norm, D, displacement[i], 3 * first, nd)
+            if soft > 0.0:
+                tilt[:] = 0.0
+                tangent_derivative(qs, t, 2.0 * weight / norm, D, tilt, 0, nd)
+                strain_slopes(soft, G[e, k], t, tilt, displacement[i, :, 3 * first : 3 * first + nd])
+            else:
+                tangent_derivative(qs, t, 2.0 * weight / norm, D, displacement[i], 3 * first, nd)
         shape_functions(tables.nodes, x, Nx, dNx)
         interpolate_frame(q, first, order, Nx, frame, qs, D)
         norm = tangent(qs, t)

@@ -37,12 +37,12 @@ class TouchingRod(ActiveSetRod):
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
         natural: np.ndarray | None = None, scale: float = 1.0, tolerance: float | None = None,
     ) -> TouchingRod:  # fmt: skip
-        new = TouchingRod(
+        new = self._like(
             self.mesh if mesh is None else mesh,
             self.K if stiffness is None else stiffness,
             self.natural if natural is None else natural,
             self.tolerance if tolerance is None else tolerance,
-            self.density,
+            scale,
         )
         new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
         new.model, new.direction, new.forgot = self.model, self.direction, self.forgot
@@ -52,6 +52,12 @@ class TouchingRod(ActiveSetRod):
             new.points[:, INTERFACE] = -1.0
             new.count = resample(new.points, new.count, new.h, new.s0)
         return new
+
+    def _like(
+        self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray, tolerance: float, scale: float
+    ) -> TouchingRod:
+        """A rod of this kind without contacts; `scale` as in `variant`."""
+        return TouchingRod(mesh, stiffness, natural, tolerance, self.density)
 
     def for_tolerance(self, tolerance: float) -> TouchingRod:
         return self if tolerance == self.tolerance else self.variant(tolerance=tolerance)
@@ -101,9 +107,7 @@ class TouchingRod(ActiveSetRod):
             code, iterations, q_new, F_new = super().advance(q, F, qe, re, f, tolerance, limit)
             if code != warm_step.ADVANCED:
                 return code, iterations, q_new, F_new
-            clearance, crossed = passage(
-                q, self.shape(q_new), self.samples, self.obstacles, obstacles, self.phi
-            )
+            clearance, crossed = self._passage(q, F, q_new, F_new, obstacles)
             near = clearance <= 0.5 * self.spacing
             if not near or (clearance > -self.depth and not self._dips(q_new, obstacles)):
                 if crossed:
@@ -115,7 +119,29 @@ class TouchingRod(ActiveSetRod):
         result = self.step_in_contact(q, F, qe, re, f, tolerance, limit, obstacles)
         if result[0] == warm_step.ADVANCED:
             return result
-        return descend_instead(self, q, F, qe, re, f, limit, obstacles, result)
+        return self._instead(q, F, qe, re, f, limit, obstacles, result)
+
+    def _instead(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, limit: float,
+        obstacles: np.ndarray, failed: tuple[int, int, np.ndarray, np.ndarray],
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        """What takes the place of a step that failed."""
+        return descend_instead(self, q, F, qe, re, f, limit, obstacles, failed)
+
+    def _passage(
+        self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray
+    ) -> tuple[float, bool]:
+        """`gap_search.passage` of a step without contact from (q, F) to (q_new, F_new)."""
+        return passage(q, self.shape(q_new), self.samples, self.obstacles, obstacles, self.phi)
+
+    def take_contacts(self, other: TouchingRod, scale: float = 1.0) -> None:
+        """Take over mesh, contact points and friction of another rod; `scale` as in `variant`."""
+        self._allocate(Mesh(other.mesh.element, other.h.copy()))
+        self.points[:], self.normals[:], self.count = other.points, other.normals, other.count
+        self.points[:, FORCE : BEFORE + 3] /= scale
+        self.points[:, INTERFACE] = -1.0
+        self.count = resample(self.points, self.count, self.h, self.s0)
+        self.model, self.direction, self.forgot = other.model, other.direction, other.forgot
 
     def snapshot(self) -> Callable[[], Rod]:
         return partial(_restored, self, self.mesh, self.points[: self.count].copy(), self.obstacles)

@@ -188,7 +188,7 @@ def saddle_step(g, c, C, order, factors, s, dF):
 
 
 @njit(**INNER)
-def kkt_factor(tangents, mu, order, factors, V, delta, count, equalities):
+def kkt_factor(tangents, mu, order, factors, V, delta, reach, count, equalities):
     """`factor` with more constraint rows; whether the whole is a strict minimum.
 
     With H' = H + mu D + sum v v^T / delta over the rows of V beyond the equalities, the bordered matrix has
@@ -199,6 +199,7 @@ def kkt_factor(tangents, mu, order, factors, V, delta, count, equalities):
         tangents, mu, order: as in `factor`.
         factors: `Factors` of `count` rows or more, overwritten.
         V, delta: (rows, 3n) constraint rows, (rows,) their compliances.
+        reach: (rows, rows) how far the constraints give way to the multipliers by axial strain, or (0, 0).
         count: number of rows.
         equalities: number of the first rows that are equalities.
     """
@@ -206,6 +207,7 @@ def kkt_factor(tangents, mu, order, factors, V, delta, count, equalities):
     expected = equalities
     complement(V, V, count, order, factors)
     S = factors.S
+    add_reach(reach, count, S)
     for a in range(count):
         for b in range(a):
             S[b, a] = S[a, b]
@@ -213,6 +215,15 @@ def kkt_factor(tangents, mu, order, factors, V, delta, count, equalities):
         if a >= equalities and delta[a] >= 0.0:
             expected += 1
     return worst > SINGULAR and negative + dense.positive(S[:count, :count]) == expected
+
+
+@njit(**LEAF)
+def add_reach(reach, count, S):
+    """Add `reach`, see `kkt_factor`, to the complement S of `count` rows."""
+    if reach.shape[0] > 0:
+        for a in range(count):
+            for b in range(count):
+                S[a, b] += reach[a, b]
 
 
 @njit(**INNER)

@@ -81,6 +81,32 @@ def curve(q, h, N, primitives, c):
 
 
 @njit(**LEAF)
+def close_curve(q, h, bubbles, c, out):
+    """The `curve` c with the tangents of the frames at the ends of elements, the most accurate ones.
+
+    Args:
+        q, h: as in `curve`.
+        bubbles: (2, g + 2), see `elements.end_bubbles`.
+        c: (m, g + 1, 3) the curve.
+        out: (m, g + 3, 3) overwritten.
+    """
+    top = c.shape[1]
+    order = top - 1
+    for e in range(h.shape[0]):
+        # what the tangents miss, in the space for the highest powers
+        tangent(q[e * order], out[e, top])
+        tangent(q[(e + 1) * order], out[e, top + 1])
+        for a in range(3):
+            start, end = h[e] * out[e, top, a] - c[e, 1, a], h[e] * out[e, top + 1, a]
+            for k in range(top):
+                out[e, k, a] = c[e, k, a]
+                end -= k * c[e, k, a]
+            out[e, top, a] = out[e, top + 1, a] = 0.0
+            for k in range(top + 1):
+                out[e, k + 1, a] += bubbles[0, k] * start + bubbles[1, k] * end
+
+
+@njit(**LEAF)
 def find_element(s, s0, h):
     """Element of the arc length s and x in [0, 1] in it; the elements have lengths h (m,), starts s0 (m,)."""
     e = 0
@@ -100,6 +126,17 @@ def position(c, h, s0, s, r):
         for k in range(top - 1, -1, -1):
             v = v * x + c[e, k, a]
         r[a] = v
+
+
+@njit(**LEAF)
+def elongation(c, h, s0, s):
+    """1 + axial strain at arc length s, of a centreline c (m, g + 1, 4) that has the stretched arc length."""
+    e, x = find_element(s, s0, h)
+    top = c.shape[1] - 1
+    v = top * c[e, top, 3]
+    for k in range(top - 1, 0, -1):
+        v = v * x + k * c[e, k, 3]
+    return v / h[e]
 
 
 @njit(**LEAF)

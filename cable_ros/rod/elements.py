@@ -188,3 +188,21 @@ def integrals(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     element = reference_element(order, order + 4)
     return element.values, primitives(element), np.linalg.inv(np.vander(element.nodes, increasing=True))
+
+
+@cache
+def equally_spaced(count: int) -> np.ndarray:
+    """(count,) arc lengths from 0 to 1, L, at equal distances."""
+    return np.arange(count) / (count - 1)
+
+
+@cache
+def end_bubbles(order: int) -> np.ndarray:
+    """(2, order + 2): what adds a tangent 1 at the start or at the end to a `centreline.curve`.
+
+    In powers 1 to order + 2 of the fraction. The tangent is 0 at the Gauss points and at the other end, where
+    by Gauss's rule the position stays, too.
+    """
+    vanishing = legendre.Legendre.basis(order, [0.0, 1.0]).convert(kind=np.polynomial.Polynomial)
+    ramps = np.polynomial.Polynomial([(-1) ** order, -((-1) ** order)]), np.polynomial.Polynomial([0.0, 1.0])
+    return np.array([(vanishing * ramp).integ().coef[1:] for ramp in ramps])

@@ -58,11 +58,11 @@ def saddle_step(g, c, order, system, s, dF):
 
 
 @njit(**OPTIONS)
-def kkt_factor(mu, system, V, delta, count, equalities):
+def kkt_factor(mu, system, V, delta, reach, count, equalities):
     """See `bordered.kkt_factor`."""
     system = system_of(system)
     order = system.tangents.elastic.shape[1] // 3 - 1
-    return bordered.kkt_factor(system.tangents, mu, order, system.factors, V, delta, count, equalities)
+    return bordered.kkt_factor(system.tangents, mu, order, system.factors, V, delta, reach, count, equalities)
 
 
 @njit(**OPTIONS)
@@ -87,5 +87,13 @@ def stretch_factor(system, reach, mu, order):
 
 @njit(**OPTIONS)
 def stretch_gradient(q, Fe, f, grid, stretch, acc):
-    """See `extensible_kernels.stretch_gradient`."""
-    extensible_kernels.stretch_gradient(q, Fe, f, grid_of(grid), Stretch(*stretch), acc)
+    """See `extensible_kernels.stretch_gradient`; without point forces inside elements."""
+    grid = grid_of(grid)
+    G = extensible_kernels.internal_forces(Fe, f, grid)
+    extensible_kernels.stretch_gradient(q, G, f, grid, Stretch(*stretch), acc)
+
+
+@njit(**OPTIONS)
+def strain_gradient(q, G, f, grid, stretch, acc):
+    """See `extensible_kernels.stretch_gradient`; G (m, g, 3) at the Gauss points."""
+    extensible_kernels.stretch_gradient(q, G, f, grid_of(grid), Stretch(*stretch), acc)

@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.rod.centreline import increments
 from cable_ros.rod.rod_state import ENERGY
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
-@njit(**INNER)
+@njit(**LEAF)
 def axes(q, d):
     """The section's axes as rows d (3, 3), of a quaternion q (4,) of any length; its squared length."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -45,7 +45,7 @@ def axes(q, d):
     return n
 
 
-@njit(**INNER)
+@njit(**LEAF)
 def forms(G, S):
     """The symmetric matrices S (3, 4, 4) of the forces along the axes: b_a = q.S[a] q / |q|^2, with the force
     G (3,).
@@ -64,7 +64,7 @@ def forms(G, S):
                 S[a, i, j] = S[a, j, i]
 
 
-@njit(**INNER)
+@njit(**LEAF)
 def local(q, G, S, d, b, slope):
     """Axes d (3, 3), forces along them b (3,) and their derivatives by q, slope (3, 4); returns |q|^2.
 
@@ -85,14 +85,28 @@ def local(q, G, S, d, b, slope):
 
 
 @njit(**INNER)
-def stretch_gradient(q, F, f, grid, stretch, acc):
+def internal_forces(F, f, grid):
+    """(m, g, 3) internal force at the Gauss points; the arguments as in `energy_kernels.gradient`."""
+    h, s0, tables = grid
+    G = np.empty((h.shape[0], tables.points.shape[0], 3))
+    for e in range(h.shape[0]):
+        for k in range(G.shape[1]):
+            rest = 1.0 - s0[e] - h[e] * tables.points[k]
+            for a in range(3):
+                G[e, k, a] = F[e, a] + rest * f[a]
+    return G
+
+
+@njit(**INNER)
+def stretch_gradient(q, forces, f, grid, stretch, acc):
     """Add the derivative of the complementary energy by the nodal quaternions.
 
     `totals` receives the displacement of the end, integral u ds, and the energy: that of the strains less the
     work of the weight on u.
 
     Args:
-        q, F, f, grid: as in `energy_kernels.gradient`.
+        q, f, grid: as in `energy_kernels.gradient`.
+        forces: (m, g, 3) internal forces at the Gauss points.
         stretch: `Stretch`; receives `totals`.
         acc: (n, 4) to which the derivative is added.
     """
@@ -100,7 +114,7 @@ def stretch_gradient(q, F, f, grid, stretch, acc):
     N, points, weights = tables.values, tables.points, tables.weights
     compliance, _, totals = stretch
     order = N.shape[1] - 1
-    qs, G, b = np.empty(4), np.empty(3), np.empty(3)
+    qs, b = np.empty(4), np.empty(3)
     S, d, slope = np.empty((3, 4, 4)), np.empty((3, 3)), np.empty((3, 4))
     totals[:] = 0.0
     for e in range(h.shape[0]):
@@ -111,8 +125,7 @@ def stretch_gradient(q, F, f, grid, stretch, acc):
                 for j in range(order + 1):
                     qs[i] += N[k, j] * q[first + j, i]
             rest = 1.0 - s0[e] - h[e] * points[k]
-            for a in range(3):
-                G[a] = F[e, a] + rest * f[a]
+            G = forces[e, k]
             forms(G, S)
             local(qs, G, S, d, b, slope)
             wh = weights[k] * h[e]
@@ -128,7 +141,7 @@ def stretch_gradient(q, F, f, grid, stretch, acc):
 
 
 @njit(**INNER)
-def stretch_hessian(q, F, f, grid, stretch, tangents):
+def stretch_hessian(q, forces, grid, stretch, tangents):
     """Add the second derivatives of the complementary energy to those of `energy_kernels.hessian`.
 
     At each Gauss point, with the interpolated quaternion q: H (4, 4) is the derivative of the density by q,
@@ -137,26 +150,26 @@ def stretch_hessian(q, F, f, grid, stretch, tangents):
     and C.
 
     Args:
-        q, F, f, grid: as in `energy_kernels.gradient`.
+        q, forces, grid: as in `stretch_gradient`.
         stretch: `Stretch`; receives `reach`.
         tangents: `Tangents`, to which is added.
     """
-    h, s0, tables = grid
-    N, points, weights = tables.values, tables.points, tables.weights
+    h, _, tables = grid
+    N, weights = tables.values, tables.weights
     compliance, reach, _ = stretch
     _, geometric, dchord, C = tangents
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
     band = nd - 1
-    qs, G, b = np.empty(4), np.empty(3), np.empty(3)
+    qs, unit, b = np.empty(4), np.empty(3), np.empty(3)
     S, d, slope = np.empty((3, 4, 4)), np.empty((3, 3)), np.empty((3, 4))
     units, axis = np.empty((3, 3, 4, 4)), np.empty((3, 3, 4))
     H, X = np.empty((4, 4)), np.empty((3, 4))
     frame, D, Y = np.zeros((4, nd)), np.empty((4, nd)), np.empty((4, nd))
     for i in range(3):
         for j in range(3):
-            G[j] = 1.0 if i == j else 0.0
-        forms(G, units[i])
+            unit[j] = 1.0 if i == j else 0.0
+        forms(unit, units[i])
     reach[:] = 0.0
     for e in range(h.shape[0]):
         first = e * order
@@ -169,9 +182,7 @@ def stretch_hessian(q, F, f, grid, stretch, tangents):
                     qs[i] += N[k, j] * q[first + j, i]
                 for j in range(nd):
                     D[i, j] = N[k, j // 3] * frame[i, j]
-            rest = 1.0 - s0[e] - h[e] * points[k]
-            for a in range(3):
-                G[a] = F[e, a] + rest * f[a]
+            G = forces[e, k]
             forms(G, S)
             n = local(qs, G, S, d, b, slope)
             for i in range(3):  # derivative by q of the component i of each axis

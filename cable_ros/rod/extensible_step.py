@@ -10,7 +10,7 @@ from cable_ros.linalg.bordered import SINGULAR, end_coupling, end_rows, negative
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import gradient, hessian
-from cable_ros.rod.extensible_kernels import stretch_gradient, stretch_hessian
+from cable_ros.rod.extensible_kernels import internal_forces, stretch_gradient, stretch_hessian
 from cable_ros.rod.rod_state import Section, Stretch, Tangents, grid_of, system_of
 from cable_ros.rod.warm_step import (
     ADVANCED,
@@ -46,13 +46,14 @@ def stretch_linearize(q, F, f, section, stretch, grid, system, full):
     totals = evaluation.totals
     Fe = spread(F, grid.h)
     evaluation.acc[:] = 0.0
-    stretch_gradient(q, Fe, f, grid, stretch, evaluation.acc)
+    G = internal_forces(Fe, f, grid)
+    stretch_gradient(q, G, f, grid, stretch, evaluation.acc)
     gradient(q, Fe, f, section, grid, evaluation)
     for a in range(stretch.totals.shape[0]):
         totals[a] += stretch.totals[a]
     if full:
         hessian(q, Fe, f, section, grid, evaluation.radial, tangents)
-        stretch_hessian(q, Fe, f, grid, stretch, tangents)
+        stretch_hessian(q, G, grid, stretch, tangents)
 
 
 @njit(**INNER)

@@ -118,20 +118,20 @@ class Rod:
         self.h, self.s0 = np.array(mesh.lengths), mesh.starts
         self.tables = mesh.element.tables
         fine, bubble = enrichment(order)
-        self.fine, self.bubble = fine.tables, bubble
+        self.fine = fine.tables
         self.elastic, self.geometric = np.zeros((n, band)), np.zeros((n, band))
         self.A, self.L, self.pivots = np.zeros((n, band)), np.zeros((n, band)), np.ones(n)
         self.C, self.Y, self.S = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, 3))
         self.dchord, self.acc = np.zeros((elements, 3, band)), np.zeros((nodes, 4))
-        self.lanes = workspace(self.h, self.tables.by_point)
+        lanes = workspace(self.h, self.tables.by_point)
         self.g, self.radial, self.totals = np.zeros((nodes, 3)), np.zeros(nodes), np.zeros(5)
         self.shares = np.zeros(elements)
         self.mode = np.zeros(n)
         # fields of `Grid`, `Enrichment` and `System`, as `entry_points` takes them
         self.grid = self.h, self.s0, tuple(self.tables)
-        self.enrichment = tuple(self.fine), self.bubble
+        self.enrichment = tuple(self.fine), bubble
         self.saddle = (
-            (self.acc, self.g, self.radial, self.totals, self.lanes),
+            (self.acc, self.g, self.radial, self.totals, lanes),
             (self.elastic, self.geometric, self.dchord, self.C),
             (self.A, self.L, self.pivots, self.Y, self.S),
         )
@@ -167,7 +167,7 @@ class Rod:
         return q
 
     def reactions(self) -> np.ndarray:
-        """Moment (3,), EI / L, by which equilibria of equal energy and twist can be told apart."""
+        """Moment of the end clamp (3,), EI / L: it tells apart equilibria of equal energy and twist."""
         return self.g[-1]
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
@@ -202,8 +202,10 @@ class Rod:
     def use_friction(self, model: int) -> None:
         """Let contacts obey the friction `model`, see `contact.friction_kernels`."""
 
-    def loaded_contacts(self) -> Callable[[], LoadedContacts] | None:
-        """A function that lists the contacts as they are now; cheap until it is called. None: no contact."""
+    def loaded_contacts(self, q: np.ndarray) -> Callable[[], LoadedContacts] | None:
+        """A function that lists the contacts of the equilibrium with nodal frames q (n, 4), which it keeps;
+        cheap until it is called. None: no contact.
+        """
         return None
 
     def contact_force(self) -> np.ndarray:
@@ -248,6 +250,7 @@ class Rod:
         return -np.linalg.solve(G + 1e-9 * np.trace(G) * np.eye(3), constraints) @ X
 
     def apply_hessian(self, s: np.ndarray) -> np.ndarray:
+        """The Hessian at the point linearised last, times the step s (3n,)."""
         y, z = np.empty_like(s), np.empty_like(s)
         banded.multiply(self.elastic, s, y)
         banded.multiply(self.geometric, s, z)
@@ -362,6 +365,9 @@ class Rod:
         length: float, points: np.ndarray,
     ) -> None:  # fmt: skip
         """Add the displacement by the stretch to the `points`; see `StretchingRod`."""
+
+    def stretch_anywhere(self, at: np.ndarray, start: np.ndarray, length: float, points: np.ndarray) -> None:
+        """Put the `points` (c, 3) at the arc lengths `at` (c,) where a cable that stretches has them."""
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Estimated error (6,) of end force and moment, in units of the cable; see `error_estimate.error`."""

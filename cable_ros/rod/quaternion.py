@@ -61,6 +61,16 @@ def turned(q, v):
     )
 
 
+@njit(**LEAF_ENTRY)
+def largest_rotation(before, after):
+    """Largest rotation, rad, of frames between two shapes (n, 4) that are near each other."""
+    out = 0.0
+    for i in range(before.shape[0]):
+        for a in range(4):
+            out = max(out, 2.0 * abs(after[i, a] - before[i, a]))
+    return out
+
+
 @njit(**OPTIONS)
 def rotation_vector(q):
     """The rotation vector (3,) of q, of length at most pi."""

@@ -41,6 +41,10 @@ class BatchLog:
             for j, cable in enumerate(batch.cables):
                 if trusted[i, j]:
                     self._log.wrenches(cable, batch.end_wrench[i, j], batch.start_wrench[i, j], *times)
+                    if batch.support_wrench is not None:
+                        for k, (owner, name) in enumerate(batch.supports):
+                            if owner == cable:
+                                self._log.wrench(cable, name, batch.support_wrench[i, k], *times)
                     self._log.limits(cable, self._extremes(batch, i, j), *times)
             if batch.joint_names and trusted[i].all():
                 self._log.joint_load(batch.joint_names, batch.joints[i], batch.joint_load[i], *times)

@@ -59,7 +59,7 @@ class SolveLog:
         self._wrenches = {
             (cable.name, clamp): WrenchMessage(f"{cable.name}_{clamp}")
             for cable in scene.cables
-            for clamp in CLAMPS
+            for clamp in (*CLAMPS, *(support.name for support in cable.supports))
         }
         self._limits: dict[str, LimitsMessage] = {}
         self._path: PathMessage | None = None
@@ -73,8 +73,12 @@ class SolveLog:
     def wrenches(self, cable: str, end: np.ndarray, start: np.ndarray, stamp: int, log_time: int) -> None:
         """A cable's end and start wrench (6,)."""
         for clamp, wrench in (("end", end), ("start", start)):
-            message = self._wrenches[cable, clamp].fill(stamp, wrench)
-            self._writer.put(f"{NODE}/{cable}/{clamp}_wrench", WRENCH, message, log_time)
+            self.wrench(cable, clamp, wrench, stamp, log_time)
+
+    def wrench(self, cable: str, where: str, wrench: np.ndarray, stamp: int, log_time: int) -> None:
+        """A cable's wrench (6,) at `end`, `start` or a support of that name."""
+        message = self._wrenches[cable, where].fill(stamp, wrench)
+        self._writer.put(f"{NODE}/{cable}/{where}_wrench", WRENCH, message, log_time)
 
     def limits(self, cable: str, extremes: Sequence[Extreme], stamp: int, log_time: int) -> None:
         """How a cable that has limits stands to them; nothing of one that has none."""

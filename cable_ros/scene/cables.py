@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from cable_ros.scene.between_ends import SUPPORT, check_supports, read_supports
 from cable_ros.scene.cable_limits import CABLE_LIMITS, read_limits
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.fields import MILLIMETRES, Field, Size, vector
 from cable_ros.scene.influences import CELSIUS, DOSE, GRAY, TEMPERATURE, read_influence, row
 from cable_ros.scene.model import FREE, Cable
-from cable_ros.scene.mounts import MOUNT, SUPPORT, check_ends, read_mount, read_supports
+from cable_ros.scene.mounts import MOUNT, check_ends, read_mount
 from cable_ros.scene.section import Section
 
 LENGTH = Size("m", 0.01, 100.0, too_high=MILLIMETRES)
@@ -134,7 +135,7 @@ CABLE = (
         "{link: turret, position: [0.080, 0.145, 0.075], orientation: [0, 0, 0, 1]}", inner=MOUNT,
     ),
     Field(
-        "supports", "list of mappings", "a list of clips, or leave it out",
+        "supports", "list of mappings", "a list of clips, pins and rings, or leave it out",
         "What holds it between its ends; see [ends.md](ends.md).",
         "[{name: wrist_clip, clip: {arc_length: 0.31, position: [0, 0, 1], orientation: [0, 0, 0, 1]}}]",
         default=(), absent="none", extent="of different names", inner=SUPPORT,
@@ -189,7 +190,7 @@ def read_cable(values: Any, source: str, place: str, links: tuple[str, ...] | No
                 f"{MILLIMETRES}; give metres",
                 "end.position",
             )
-    return Cable(
+    cable = Cable(
         name, length, stiffness, density, start, end, diameter, twist,
         outer_diameter=outer,
         natural_strain=_natural_strain(section, length),
@@ -199,6 +200,8 @@ def read_cable(values: Any, source: str, place: str, links: tuple[str, ...] | No
         limits=read_limits(section, 0.5 * (outer or diameter or 0.0)),
         supports=supports,
     )  # fmt: skip
+    check_supports(section, cable)
+    return cable
 
 
 def _outer_diameter(section: Section, length: float, diameter: float | None) -> float | None:

@@ -61,12 +61,11 @@ class JointLimits:
 
     def __init__(self, scene: Scene, names: Sequence[str]) -> None:
         self.joints = _read(scene, names)
-        self._lower = [one.lower - SLACK for one in self.joints]
-        self._upper = [one.upper + SLACK for one in self.joints]
+        self._ranges = [(one.lower - SLACK, one.upper + SLACK) for one in self.joints]
 
     def beyond(self, values: Sequence[float]) -> str:
         """Sentences about those of the values, one for each joint, that are outside; mostly none."""
-        for lower, value, upper in zip(self._lower, values, self._upper, strict=True):
+        for (lower, upper), value in zip(self._ranges, values, strict=True):
             if not lower <= value <= upper:
                 pairs = zip(self.joints, values, strict=True)
                 return " ".join(filter(None, (one.beyond(each) for one, each in pairs)))

@@ -130,24 +130,34 @@ def load_scene(
     friction_model = top.choice("friction_model")
     effects = _effects(top)
     if obstacles:
-        _check_stretch_without_contact(top, cables, effects)
+        _check_strain_with_contact(top, cables, obstacles, effects)
         _check_clamps_with_contact(top, cables, effects)
+        _check_friction_with_supports(top, cables, obstacles, effects)
     return Scene(tuple(cables), gravity, robot, text, path, source, obstacles, friction_model, effects)
 
 
-def _check_stretch_without_contact(top: Section, cables: list[Cable], effects: str | tuple[str, ...]) -> None:
-    """The equations of contact are those of a cable that neither stretches nor shears."""
+def _check_strain_with_contact(
+    top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], effects: str | tuple[str, ...]
+) -> None:
+    """A section that shears touches at no single point; friction is that of a cable of constant length."""
+
+    def both(*names: str) -> bool:
+        return isinstance(effects, str) or set(names) <= set(effects)
+
+    rough = any(obstacle.friction for obstacle in obstacles)
     for i, cable in enumerate(cables):
-        for effect, field, value in (
-            ("stretch", "axial_stiffness", cable.axial_stiffness),
-            ("shear", "shear_stiffness", cable.shear_stiffness),
-        ):
-            if value is not None and (isinstance(effects, str) or {effect, "contact"} <= set(effects)):
-                top.fail(
-                    f"{effect} and contact cannot be combined yet; leave {field} or the obstacles out, "
-                    "or let 'effects' list one of the two",
-                    f"cables[{i}].{field}",
-                )
+        if cable.shear_stiffness is not None and both("shear", "contact"):
+            top.fail(
+                "shear and contact cannot be combined yet; leave shear_stiffness or the obstacles out, "
+                "or let 'effects' list one of the two",
+                f"cables[{i}].shear_stiffness",
+            )
+        if cable.axial_stiffness is not None and rough and both("stretch", "contact", "friction"):
+            top.fail(
+                "stretch and friction cannot be combined yet; leave axial_stiffness or the obstacles' "
+                "friction out, or let 'effects' list one of the two",
+                f"cables[{i}].axial_stiffness",
+            )
 
 
 def _check_clamps_with_contact(top: Section, cables: list[Cable], effects: str | tuple[str, ...]) -> None:
@@ -159,6 +169,22 @@ def _check_clamps_with_contact(top: Section, cables: list[Cable], effects: str |
                     f"a {mount.kind} end and contact cannot be combined yet; clamp it, leave the obstacles "
                     "out, or let 'effects' list what there is without contact",
                     f"cables[{i}].{name}.kind",
+                )
+
+
+def _check_friction_with_supports(
+    top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], effects: str | tuple[str, ...]
+) -> None:
+    """What the pieces beside a pin or ring share is found by iteration, which friction would remember."""
+    if not (isinstance(effects, str) or "friction" in effects) or not any(one.friction for one in obstacles):
+        return
+    for i, cable in enumerate(cables):
+        for support in cable.supports:
+            if support.couples:
+                top.fail(
+                    f"the {support.kind} '{support.name}' and friction of obstacles cannot be combined yet; "
+                    "leave 'friction' of the obstacles out, or let 'effects' list what there is without it",
+                    f"cables[{i}].supports",
                 )
 
 

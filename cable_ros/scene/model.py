@@ -21,6 +21,8 @@ EFFECTS = (
 KINDS = CLAMPED, PINNED, SWIVEL, SLIDING, FREE = "clamped", "pinned", "swivel", "sliding", "free"
 """How an end is held: in position and orientation; in position; but for turning about the tangent; across an
 axis; not at all."""
+SUPPORTS = CLIP, PIN, RING = "clip", "pin", "ring"
+"""What holds a cable between its ends: in position and orientation; in position; across the tangent only."""
 NOTHING = np.zeros(3)
 
 
@@ -52,13 +54,24 @@ class Mount:
 
 
 @dataclass(frozen=True, eq=False)
-class Clip:
-    """A support that clamps a cable at an arc length."""
+class Support:
+    """What holds a cable between its ends."""
 
     name: str
     arc_length: float
-    """From the cable's start, m."""
+    """From the cable's start, m; of a ring: at first."""
     mount: Mount
+    """Where it is. Its orientation is that of the cable in a clip, and only that of the wrench's axes of what
+    the cable turns in."""
+    kind: str = CLIP
+    """One of `SUPPORTS`."""
+    friction: float = 0.0
+    """Coulomb's coefficient of a ring."""
+
+    @property
+    def couples(self) -> bool:
+        """Whether what is on one side of it depends on the other: at all but a clip."""
+        return self.kind != CLIP
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +107,7 @@ class Cable:
     """(2,) GA along the section's x and y axes, N; None: sections stay across the tangent."""
     limits: CableLimits | None = None
     """What it stands; None: nothing is watched."""
-    supports: tuple[Clip, ...] = ()
+    supports: tuple[Support, ...] = ()
     """Between its ends, by rising arc length."""
 
     @property
@@ -114,15 +127,29 @@ class Cable:
 
     @property
     def pieces(self) -> tuple[Cable, ...]:
-        """The parts between clips, each a cable of its own with this one's name; without clips itself."""
-        if not self.supports:
+        """The parts between supports, each a cable of its own with this one's name; without them itself."""
+        return self._cut_at(self.supports)
+
+    @property
+    def runs(self) -> tuple[Cable, ...]:
+        """The parts between clips, each with the supports that are in it."""
+        return self._cut_at(tuple(support for support in self.supports if not support.couples))
+
+    def _cut_at(self, where: tuple[Support, ...]) -> tuple[Cable, ...]:
+        if not where:
             return (self,)
-        cuts = [0.0, *(support.arc_length for support in self.supports), self.length]
-        mounts = self.all_mounts
-        return tuple(
-            replace(self, length=cuts[i + 1] - cuts[i], start=mounts[i], end=mounts[i + 1], supports=())
-            for i in range(len(cuts) - 1)
-        )
+        cuts = [0.0, *(support.arc_length for support in where), self.length]
+        mounts = [self.start, *(support.mount for support in where), self.end]
+        parts = []
+        for i in range(len(cuts) - 1):
+            inside = tuple(
+                replace(one, arc_length=one.arc_length - cuts[i])
+                for one in self.supports
+                if cuts[i] < one.arc_length < cuts[i + 1]
+            )
+            length = cuts[i + 1] - cuts[i]
+            parts.append(replace(self, length=length, start=mounts[i], end=mounts[i + 1], supports=inside))
+        return tuple(parts)
 
 
 @dataclass(frozen=True)

@@ -1,31 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds a cable: fields of `start`, `end` and `supports`, and what does not make sense."""
+"""What holds the ends of a cable: fields of `start` and `end`, and what does not make sense."""
 
 from __future__ import annotations
 
-import itertools
 import math
-import re
 
 import numpy as np
 
 from cable_ros.scene.fields import MILLIMETRES, Field, Size, vector
-from cable_ros.scene.model import CLAMPED, FREE, KINDS, PINNED, SLIDING, SWIVEL, Clip, Mount
+from cable_ros.scene.model import CLAMPED, FREE, KINDS, PINNED, SLIDING, SWIVEL, Mount
 from cable_ros.scene.placement import LINK, ROTATION, read_link, rotation
 from cable_ros.scene.section import Section
 
-ARC_LENGTH = Size("m", 0.0, 100.0, too_high=MILLIMETRES)
 FORCE = Size("N", -1e6, 1e6)
 MOMENT = Size("N m", -1e6, 1e6, *["it looks like N mm"] * 2)
 
 LINK_REACH = 50.0
 WORLD_REACH = 1e5
 """m; a mount farther than this from the origin of its link, or of the world, is a slip of units."""
-
-SHORTEST = 0.01
-"""m; a shorter piece between two clips is a slip of units."""
-MOST_SUPPORTS = 50
-TOKEN = re.compile(r"[A-Za-z](?:_?[A-Za-z0-9]){0,79}")
 
 MOUNT = (
     Field(
@@ -66,32 +58,6 @@ MOUNT = (
     ),
 )  # fmt: skip
 
-CLIP = (
-    Field(
-        "arc_length", "number", "metres", "Arc length of the cable at which it is clamped, from its start.",
-        "0.31", size=ARC_LENGTH, extent="within the cable",
-    ),
-    LINK,
-    Field(
-        "position", vector(3), "[x, y, z] in metres",
-        "Point that holds the cable, in the link's frame, or in the world.", "[0.1, 0.05, 0.02]", unit="m",
-        extent=f"within {LINK_REACH:g} m of the link's origin, {WORLD_REACH:g} m of the world's",
-    ),
-    *ROTATION,
-)  # fmt: skip
-
-SUPPORT = (
-    Field(
-        "name", "text", "a name, such as wrist_clip", "Name, which is also part of its topic.", "wrist_clip",
-        extent="letters, digits and single underscores, a letter first; not start or end",
-    ),
-    Field(
-        "clip", "mapping", "{arc_length: m, position: [x, y, z], orientation: [x, y, z, w]}, with a link",
-        "Clamps the cable at an arc length; its frame is like that of `start`.",
-        "{arc_length: 0.31, position: [0.1, 0.05, 0.02], orientation: [0, 0, 0, 1]}", inner=CLIP,
-    ),
-)  # fmt: skip
-
 BELONGS = {"axis": SLIDING, "axial_force": SLIDING, "rotation": SLIDING, "force": FREE, "moment": FREE}
 
 
@@ -113,7 +79,7 @@ def read_mount(cable: Section, name: str, links: tuple[str, ...] | None) -> Moun
     link = read_link(section, links)
     if kind == FREE:
         return _free(section, link)
-    position = _position(section, link)
+    position = read_position(section, link)
     level = kind == PINNED and "orientation" not in section and "rpy" not in section
     turn = _constant([0.0, 0.0, 0.0, 1.0]) if level else rotation(section)
     if kind != SLIDING:
@@ -129,7 +95,7 @@ def read_mount(cable: Section, name: str, links: tuple[str, ...] | None) -> Moun
     )
 
 
-def _position(section: Section, link: str | None) -> np.ndarray:
+def read_position(section: Section, link: str | None) -> np.ndarray:
     """(3,) in the frame of the link, or of the world, m."""
     position = section.vector("position", 3)
     reach = math.hypot(*position)
@@ -137,46 +103,6 @@ def _position(section: Section, link: str | None) -> np.ndarray:
         frame = "the world" if link is None else "its link"
         section.fail(f"{reach:g} m from the origin of {frame}; {MILLIMETRES}; give metres", "position")
     return position
-
-
-def read_supports(
-    cable: Section, length: float, thickness: float, links: tuple[str, ...] | None
-) -> tuple[Clip, ...]:
-    """The clips of a cable of this length and outer diameter, m, by rising arc length.
-
-    Raises:
-        SceneError: one sentence with file, field and remedy.
-    """
-    if "supports" not in cable:
-        return ()
-    clips: list[Clip] = []
-    place = cable.at("supports")
-    for i, entry in enumerate(cable.items("supports", MOST_SUPPORTS)):
-        section = Section(entry, cable.source, f"{place}[{i}]", SUPPORT)
-        name = section.text("name")
-        if not TOKEN.fullmatch(name) or name in ("start", "end"):
-            section.fail(
-                f"'{name}' cannot be part of a ROS topic name, or is taken by an end; use letters, digits "
-                "and single underscores, a letter first",
-                "name",
-            )
-        if any(clip.name == name for clip in clips):
-            section.fail(f"'{name}' is already the name of a support; give each its own", "name")
-        inner = section.inner("clip")
-        link = read_link(inner, links)
-        mount = Mount(_position(inner, link), rotation(inner), link)
-        clips.append(Clip(name, inner.number("arc_length"), mount))
-    clips.sort(key=lambda clip: clip.arc_length)
-    cuts = [0.0, *(clip.arc_length for clip in clips), length]
-    least = max(SHORTEST, thickness)
-    for before, after in itertools.pairwise(cuts):
-        if after - before < least:
-            cable.fail(
-                f"between the arc lengths {before:g} and {after:g} m are {after - before:g} m of a cable of "
-                f"{length:g} m; give clips that are {least:g} m or more apart, and from the ends",
-                "supports",
-            )
-    return tuple(clips)
 
 
 def _free(section: Section, link: str | None) -> Mount:
@@ -209,7 +135,7 @@ def check_ends(cable: Section, start: Mount, end: Mount) -> None:
             )
     if "supports" in cable and "total_twist" in cable:
         cable.fail(
-            "the twist of a cable with clips is that of its pieces; leave 'total_twist' out",
+            "the twist of a cable with supports is that of its pieces; leave 'total_twist' out",
             "total_twist",
         )
     if twist_free and "total_twist" in cable:

@@ -14,6 +14,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
+SHORTEST = 1e-9
+"""Radius below which a step that gains nothing ends the iteration."""
+
 
 class Problem(Protocol):
     """What the trust region needs to know of a problem; x is a point, s a step, y the multipliers."""
@@ -70,6 +73,8 @@ class Minimum:
     objective: float
     violation: float
     iterations: int
+    stalled: bool = False
+    """Whether no step from x is short enough to gain: at a kink of the objective."""
 
 
 def minimize(problem: Problem, x: Any, y: np.ndarray, options: Options = Options()) -> Minimum:
@@ -112,8 +117,8 @@ def minimize(problem: Problem, x: Any, y: np.ndarray, options: Options = Options
         if ratio > 1e-4:
             x, y = trial, y + dy
             objective, c, gradient = problem.linearize(x, y)
-        elif radius < 1e-9:
-            break
+        elif radius < SHORTEST:
+            return Minimum(x, y, False, objective, violation, iteration, True)
         if not ratio >= 0.25:
             radius = 0.3 * min(radius, length)
         elif ratio > 0.75 and length > 0.7 * radius:

@@ -12,7 +12,7 @@ from cable_ros.contact import distance as kernels
 from cable_ros.contact.distance import gaps, placed
 from cable_ros.effects.contact import encode
 from cable_ros.rod import centreline, quaternion
-from cable_ros.rod.elements import Mesh, lagrange, primitives, reference_element
+from cable_ros.rod.elements import Mesh, end_bubbles, lagrange, primitives, reference_element
 from cable_ros.scene.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, Sphere
 
 TURN = Rotation.from_rotvec([0.4, -1.1, 0.7])
@@ -277,3 +277,21 @@ def test_the_curve_passes_where_the_solver_has_its_ends_and_follows_the_tangents
             slope = (position(s + 1e-5) - position(s - 1e-5)) / 2e-5
             assert slope == pytest.approx(tangent, abs=1e-7)
     assert position(1.0) == pytest.approx(reached, abs=1e-13)
+
+
+def test_a_closed_curve_keeps_its_ends_and_has_the_tangents_of_the_frames_there() -> None:
+    q, element, z = frames(), MESH.element, np.array([0.0, 0.0, 1.0])
+    open_curve, closed = np.zeros((3, 6, 3)), np.zeros((3, 8, 3))
+    centreline.curve(q, MESH.lengths, element.values, primitives(element), open_curve)
+    centreline.close_curve(q, MESH.lengths, end_bubbles(element.order), open_curve, closed)
+    slopes = np.arange(8)[:, None] * closed
+    for e, h in enumerate(MESH.lengths):
+        for end in (0, 1):
+            tangent = quaternion.rotate(q[(e + end) * element.order], z)
+            found = slopes[e, 1] if end == 0 else slopes[e].sum(axis=0)
+            assert found == pytest.approx(h * tangent, abs=1e-13)
+        assert closed[e, 0] == pytest.approx(open_curve[e, 0], abs=1e-15)
+        assert closed[e].sum(axis=0) == pytest.approx(open_curve[e].sum(axis=0), abs=1e-13)
+        for x in element.points:
+            both = slopes[e, 1:].T @ x ** np.arange(7), (np.arange(1, 6)[:, None] * open_curve[e, 1:]).T
+            assert both[0] == pytest.approx(both[1] @ x ** np.arange(5), abs=1e-13)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from cable_ros.contact.detection import half_patch
-from cable_ros.contact.friction_kernels import STICK, stick_stiffness
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, WIDTH
+from cable_ros.contact.friction_kernels import STICK, slip_change, stick_stiffness
+from cable_ros.contact.points import BEFORE, COLUMNS, FORCE, FRICTION, OBSTACLE, SLIPS
 
 
 @pytest.mark.parametrize("cone", [0.01, 1.0, 300.0])
@@ -19,6 +21,15 @@ def test_nothing_is_stiffer_than_stick() -> None:
     assert stick_stiffness(1.0, 0.0) == STICK
     assert stick_stiffness(0.0, 0.01) == STICK
     assert stick_stiffness(1e3, 1e-9) == STICK
+
+
+def test_change_of_friction_counts_what_slips_and_the_cones_of_all() -> None:
+    points, obstacles = np.zeros((5, COLUMNS)), np.zeros((2, WIDTH))
+    obstacles[:, FRICTION_COEFFICIENT] = 0.5, 0.25
+    points[:3, OBSTACLE], points[:3, FORCE], points[:3, SLIPS] = [0, 1, 1], [2.0, 4.0, 8.0], [1, 0, 1]
+    points[:3, FRICTION] = 1.0, 1.0, -2.0
+    points[:3, BEFORE] = 0.25, -1.0, 0.5
+    assert slip_change(points, 3, obstacles) == (0.75 + 2.5, 1.0 + 1.0 + 2.0)
 
 
 def test_a_patch_ends_where_the_cable_is_as_curved_as_the_surface() -> None:

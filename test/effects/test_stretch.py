@@ -302,16 +302,28 @@ def test_snap_at_a_fold_is_told(stiffness: float) -> None:
     assert snaps >= 1
 
 
-@pytest.mark.parametrize("effects", ["all", "auto", ["stretch", "contact"]])
-def test_not_together_with_contact_yet(effects: Any) -> None:
-    mapping = scene([0, 0, 0.7], axial_stiffness=100.0)
-    mapping |= {
-        "effects": effects,
-        "obstacles": [{"name": "ball", "sphere": {"center": [1, 0, 0], "radius": 0.1}}],
-    }
+BALL = {"name": "ball", "sphere": {"center": [1, 0, 0], "radius": 0.1}}
+
+
+@pytest.mark.parametrize("effects", ["all", "auto", ["shear", "contact"]])
+def test_no_shear_with_contact_yet(effects: Any) -> None:
+    mapping = scene([0, 0, 0.7], shear_stiffness=[100.0, 100.0]) | {"effects": effects, "obstacles": [BALL]}
     with pytest.raises(
-        SceneError, match=r"cables\[0\].axial_stiffness: stretch and contact cannot be combined"
+        SceneError, match=r"cables\[0\].shear_stiffness: shear and contact cannot be combined"
     ):
         load_scene(mapping)
-    load_scene({**mapping, "effects": ["stretch"]})
+    load_scene({**mapping, "effects": ["shear"]})
     load_scene({**mapping, "effects": ["contact"]})
+
+
+@pytest.mark.parametrize("effects", ["all", "auto", ["stretch", "contact", "friction"]])
+def test_no_stretch_with_friction_yet(effects: Any) -> None:
+    mapping = scene([0, 0, 0.7], axial_stiffness=100.0)
+    mapping |= {"effects": effects, "obstacles": [BALL | {"friction": 0.1}]}
+    with pytest.raises(
+        SceneError, match=r"cables\[0\].axial_stiffness: stretch and friction cannot be combined"
+    ):
+        load_scene(mapping)
+    load_scene({**mapping, "effects": ["contact", "friction"]})
+    load_scene({**mapping, "effects": ["stretch", "contact"]})
+    load_scene({**mapping, "obstacles": [BALL]})

@@ -120,7 +120,7 @@ def test_constraint_rows_with_a_compliance_are_springs(seed: int, extra: int, fo
     rows, n = 3 + extra, len(rod.elastic)
     Y, S = np.zeros((rows, n)), np.zeros((rows, rows))
     factors = bordered.Factors(rod.A, rod.L, rod.pivots, Y, S)
-    convex = bordered.kkt_factor(tangents(rod), 0.0, ORDER, factors, V, delta, rows, 3)
+    convex = bordered.kkt_factor(tangents(rod), 0.0, ORDER, factors, V, delta, np.zeros((0, 0)), rows, 3)
     sprung = H + sum((np.outer(v, v) / d for v, d in zip(Vi[3:], delta[3:], strict=True)), np.zeros_like(H))
     assert convex == positive_on_kernel(sprung, C)
 

@@ -33,6 +33,16 @@ def test_product_inverse_and_turned_vector(seed: int) -> None:
     assert quaternion.rotate(a, v) == pytest.approx(first.apply(v), abs=ROUNDING)
 
 
+def test_largest_rotation_is_that_of_the_frame_that_turned_most() -> None:
+    before, first = random(3, 6)
+    turns = Rotation.from_rotvec(1e-5 * np.arange(18.0).reshape(6, 3))
+    after = quaternion.from_ros((first * turns).as_quat())
+    after *= np.sign(np.sum(before * after, axis=1, keepdims=True))
+    # by its largest component: between half of it and all
+    largest = turns.magnitude().max()
+    assert 0.5 * largest < quaternion.largest_rotation(before, after) <= largest * (1.0 + 1e-4)
+
+
 @pytest.mark.parametrize("angle", [0.0, 1e-15, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-7])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_rotation_vector(angle: float, sign: float) -> None:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wrenches at a cable's clips in messages, read by rclpy."""
+"""The wrenches at a cable's supports in messages, read by rclpy."""
 
 from __future__ import annotations
+
+import copy
 
 import numpy as np
 import pytest
@@ -37,8 +39,15 @@ SCENE = {
 }
 
 
-def test_each_clip_has_a_topic_and_a_frame():
-    tracker = Tracker(SCENE)
+RING = {"arc_length": 0.45, "position": [0.4, 0.0, 0.05], "friction": 0.1}
+
+
+@pytest.mark.parametrize("kind", ["clip", "ring"])
+def test_each_support_has_a_topic_and_a_frame(kind):
+    scene = copy.deepcopy(SCENE)
+    if kind == "ring":
+        scene["cables"][0]["supports"] = [{"name": "wrist", "ring": RING}]
+    tracker = Tracker(scene)
     found = tracker.solve({})["hose"]
     rclpy.init()
     try:

@@ -16,7 +16,7 @@ import yaml
 from cable_ros.scene import Cable, Obstacle, Scene, SceneError, load_scene
 from cable_ros.scene.fields import REQUIRED, Field
 from cable_ros.scene.load import SCENE
-from cable_ros.scene.model import FREE
+from cable_ros.scene.model import FREE, SUPPORTS
 from cable_ros.scene.mounts import BELONGS
 from cable_ros.scene.obstacles import OBSTACLE
 from cable_ros.share import share_file
@@ -78,6 +78,10 @@ def scene_with(place: Place, value: Any) -> dict[str, Any]:
         if BELONGS[name] == FREE:
             del at["position"], at["orientation"]
     at[name] = value
+    if "supports" in place[:-1] and (kinds := set(SUPPORTS) & set(place)):
+        held = values["cables"][0]["supports"][0]
+        for other in {*SUPPORTS} - kinds:
+            held.pop(other, None)
     if place[0] == "obstacles" and len(place) > 1 and not set(SHAPES) & set(values["obstacles"][0]):
         values["obstacles"][0]["plane"] = {"point": [0, 0, -9], "normal": [0, 0, 1]}
     return values

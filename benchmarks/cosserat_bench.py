@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Experiments of cosseratbench 0.3.0, which nobody here wrote, with our solver; for docs/cosseratbench.md.
+
+Needs, in an environment of its own, this package's requirements and, for the others in the table,
+
+    pip install cosseratbench[all]==0.3.0 'mujoco<4'
+
+MuJoCo 4 no longer has the cable plugin that cosseratbench drives. Ours is a solver of cosseratbench,
+`Statics`, where an experiment asks for a shape. `twist` watches rods buckle in time: there our answer is the
+twist at which the stability margin is zero, extrapolated from smaller ones.
+
+    OMP_NUM_THREADS=1 taskset -c 1 python benchmarks/cosserat_bench.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cosseratbench.experiment import run
+from cosseratbench.experiments import cantilever, capstan, catenary, crossing, twist
+from cosseratbench.metrics import max_distance_to_curve
+from cosseratbench.registry import load_solver
+from cosseratbench.scenario import EndCondition, Rod, Scenario
+from cosseratbench.solver import Capability
+from cosseratbench.trajectory import Trajectory
+from scipy.integrate import solve_bvp
+from scipy.spatial.transform import Rotation
+
+from cable_ros import Equilibrium, Tracker, load_scene
+from cable_ros.bench.machine import describe
+from cable_ros.bench.markdown import markdown_table, write_between
+
+ROOT = Path(__file__).parents[1]
+TOLERANCE = 1e-6
+FREE_MOMENT = 1e-8
+"""Moment, over the largest one before the ends were released, that counts as none."""
+MOST_TURNS = 12
+"""Maximum number of steps in which the ends are released."""
+
+
+def cable(rod: Rod) -> dict[str, Any]:
+    """The section of a rod in our scene's terms, which keeps its length."""
+    bending = rod.material.youngs_modulus * rod.second_moment_of_area
+    return {
+        "name": "rod", "length": rod.length, "linear_density": rod.material.density * rod.area,
+        "stiffness": [bending, bending, 2.0 * rod.material.shear_modulus * rod.second_moment_of_area],
+    }  # fmt: skip
+
+
+def clamp(point: np.ndarray, tangent: np.ndarray, normal: np.ndarray) -> dict[str, Any]:
+    """A clamp whose z axis is the tangent, and whose x axis is as near to the normal as it can be."""
+    z = tangent / np.linalg.norm(tangent)
+    x = normal - (normal @ z) * z
+    x /= np.linalg.norm(x)
+    turn = Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=1))
+    return {"position": [float(v) for v in point], "orientation": turn.as_quat().tolist()}
+
+
+def solved(gravity: Any, one: dict[str, Any], points: int, tolerance: float = TOLERANCE) -> Equilibrium:
+    """The equilibrium of a scene with this cable."""
+    mapping = {"gravity": [float(v) for v in gravity], "cables": [one]}
+    found = Tracker(load_scene(mapping), tolerance, points).arrive({})["rod"]
+    if not found.status.trusted:
+        raise RuntimeError(found.message)
+    return found
+
+
+def released(gravity: Any, one: dict[str, Any], points: int) -> Equilibrium:
+    """The equilibrium whose ends carry no moment: pins, which do not go with stretch, by turning clamps.
+
+    Newton's method on the bending moments, with the clamps' exact stiffness. A round rod's torsion is zero.
+    """
+    about = [3, 4, 9, 10]
+    first = None
+    for _ in range(MOST_TURNS):
+        found = solved(gravity, one, points, 1e-8)
+        moments = np.concatenate([found.start_wrench, found.end_wrench])[about]
+        first = np.abs(moments).max() if first is None else first
+        if np.abs(moments).max() < FREE_MOMENT * first:
+            return found
+        turns = np.linalg.solve(found.clamp_stiffness[np.ix_(about, about)], -moments)
+        for end, (x, y) in zip(("start", "end"), turns.reshape(2, 2), strict=True):
+            size = max(1.0, float(np.hypot(x, y)) / 0.5)
+            frame = Rotation.from_quat(one[end]["orientation"]) * Rotation.from_rotvec(
+                [x / size, y / size, 0.0]
+            )
+            one = one | {end: one[end] | {"orientation": frame.as_quat().tolist()}}
+    raise RuntimeError("The ends still carry a moment.")
+
+
+class Statics:
+    """A cosseratbench solver that goes to the end at once: every frame is the equilibrium."""
+
+    name = "cable_ros"
+    capabilities = frozenset({Capability.STRETCH, Capability.CYLINDER_CONTACT, Capability.PLANE_CONTACT})
+
+    def run(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> Trajectory:
+        """See `cosseratbench.solver.Solver`; n_elements is the number of the polyline's pieces only.
+
+        Raises:
+            NotImplementedError: several rods, moving ends, obstacles, or ends that we do not have.
+        """
+        rod = scenario.rods[0]
+        if len(scenario.rods) > 1 or scenario.obstacles or rod.start_motion or rod.end_motion:
+            raise NotImplementedError("free ends with contact, ends that move")
+        nodes, normal = rod.nodes(4 * n_elements), rod.directors(4 * n_elements)
+        start = clamp(nodes[0], nodes[1] - nodes[0], normal[0])
+        end = clamp(nodes[-1], nodes[-1] - nodes[-2], normal[-1])
+        ends, points = (rod.start, rod.end), 2 * n_elements + 1
+        if ends == (EndCondition.CLAMPED, EndCondition.FREE):
+            force = np.sum([load.force for load in rod.loads], axis=0)
+            free = {"kind": "free", "force": [float(v) for v in force]}
+            found = solved(scenario.gravity, cable(rod) | {"start": start, "end": free}, points)
+        elif ends == (EndCondition.PINNED, EndCondition.PINNED):
+            stretch = {"axial_stiffness": rod.material.youngs_modulus * rod.area}
+            found = released(scenario.gravity, cable(rod) | stretch | {"start": start, "end": end}, points)
+        else:
+            raise NotImplementedError("a cantilever, or pins at both ends")
+        frames = Rotation.from_quat(found.orientations[1::2]).apply([1.0, 0.0, 0.0])
+        every = (n_frames, 1, 1)
+        return Trajectory(
+            np.linspace(0.0, scenario.duration, n_frames),
+            (np.tile(found.points[::2], every),), (np.tile(frames, every),),
+        )  # fmt: skip
+
+
+def critical_twist(tension: float = 10.0) -> float:
+    """The twist at which the margin is zero, over the reference's; tension in EI / L^2, as in `twist`."""
+    straight = Rod(((0.0, 0.0, 0.0), (twist.LENGTH, 0.0, 0.0)), twist.RADIUS, twist.MATERIAL)
+    one, reference = cable(straight), twist.critical_twist(straight, tension)
+    x, z = np.eye(3)[0], np.eye(3)[2]
+    pull = tension * one["stiffness"][0] / twist.LENGTH**2
+
+    def margin(share: float) -> float:
+        angle = share * reference
+        turned = np.cos(angle) * z + np.sin(angle) * np.cross(x, z)
+        end = clamp(x * twist.LENGTH, x, turned) | {"kind": "sliding", "axial_force": float(pull)}
+        whole = one | {"start": clamp(np.zeros(3), x, z), "end": end, "total_twist": float(angle)}
+        found = solved(np.zeros(3), whole, 11, 1e-8)
+        if abs(found.total_twist - angle) > 1e-3:
+            raise RuntimeError("the cold start found another branch")
+        return found.stability_margin
+
+    # nearer to zero a cold start prefers the branch with a turn less
+    shares = (0.80, 0.85, 0.90, 0.95)
+    return float(np.polyval(np.polyfit([margin(share) for share in shares], shares, len(shares) - 1), 0.0))
+
+
+def exact_deflection(rod: Rod, force: float) -> float:
+    """Of a cantilever's tip under a force across it, of fixed length: the elastica by collocation."""
+    ratio = force * rod.length**2 / (rod.material.youngs_modulus * rod.second_moment_of_area)
+    s = np.linspace(0.0, 1.0, 50)
+    found = solve_bvp(
+        lambda s, y: np.array([y[1], -ratio * np.cos(y[0]), np.sin(y[0])]),
+        lambda a, b: np.array([a[0], b[1], a[2]]),
+        s, np.array([ratio * s, ratio * (1 - s), 0.5 * ratio * s**2]), tol=1e-10,
+    )  # fmt: skip
+    return float(found.y[2, -1]) * rod.length
+
+
+def rod_error(name: str, scenario: Scenario, trajectory: Trajectory) -> float:
+    """Error against the rod's own equations, bending and large deflections included; NaN where we have none.
+
+    `cantilever`: relative, of the tip's deflection. `catenary`, `crossing`: largest distance of a node from
+    the curve by cosseratbench's boundary-value problem of the elastica, in lengths of the rod.
+    """
+    ends = [positions[-1] for positions in trajectory.positions]
+    if name == "cantilever":
+        exact = exact_deflection(scenario.rods[0], cantilever.FORCE)
+        return abs(float(-ends[0][-1, 2]) / exact - 1.0)
+    if name == "catenary":
+        _, half = crossing._elastica(scenario.rods[0].material.youngs_modulus, 0.0)
+        curve = np.zeros((2 * len(half) - 1, 3))
+        curve[:, [0, 2]] = np.concatenate([half, [crossing.SPAN, 0.0] + half[-2::-1] * [-1.0, 1.0]])
+        return max_distance_to_curve(ends[0], curve) / scenario.rods[0].length
+    return float("nan")
+
+
+def others(names: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """Rows of the table: what cosseratbench itself finds of the solvers."""
+    for module in (cantilever, catenary, twist, capstan, crossing):
+        experiment = vars(module)[module.__name__.rpartition(".")[2]]
+        for solver in (Statics(), *(load_solver(name) for name in names)):
+            result = run(experiment, solver)
+            if result.trajectory is None:
+                why = result.failure or f"not there: {', '.join(result.missing)}"
+                if solver.name == Statics.name and module is twist:
+                    begin = time.perf_counter()
+                    error = abs(critical_twist() - 1.0)
+                    yield _row(
+                        "twist", solver.name, f"critical_twist_error {error:.1e}", time.perf_counter() - begin
+                    )
+                    continue
+                yield _row(experiment.name, solver.name, why, result.wall_time)
+                continue
+            told = [
+                f"{name} {value:.1e}" for name, value in result.metrics.items() if name != "settling_residual"
+            ]
+            error = rod_error(experiment.name, experiment.scenario, result.trajectory)
+            yield _row(experiment.name, solver.name, ", ".join(told), result.wall_time, error)
+
+
+def _row(
+    experiment: str, solver: str, told: str, seconds: float | None, error: float = math.nan
+) -> tuple[str, ...]:
+    return (
+        experiment, solver, told, "" if math.isnan(error) else f"{error:.1e}",
+        "" if seconds is None else f"{seconds:.0f} s" if seconds > 10.0 else f"{seconds:.2g} s",
+    )  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--beside", nargs="*", default=["pyelastica", "mujoco"], help="cosseratbench's solvers"
+    )
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "cosseratbench.md")
+    args = parser.parse_args()
+    rows = []
+    for row in others(tuple(args.beside)):
+        rows.append(row)
+        print("  ".join(row), flush=True)
+    head = ("experiment", "solver", "by cosseratbench's measure", "against the rod's equations", "wall time")
+    versions = {name: metadata.version(name) for name in ("cosseratbench", *args.beside)}
+    facts = ", ".join(f"{name} {fact}" for name, fact in (describe() | versions).items())
+    write_between(args.out, "cosseratbench", f"{markdown_table(head, rows)}\n\nOne run: {facts}.\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Balance at the pins and rings of a cable: Newton's method for what the pieces on both sides share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cable_ros.branch.coupled_state import Shared
+from cable_ros.branch.coupled_tangent import CoupledTangent, Turned
+from cable_ros.branch.coupling import PER, Ends, System, assemble, judged, residual_of
+from cable_ros.branch.shared_piece import Kept, SharedPiece
+from cable_ros.rod import quaternion
+from cable_ros.scene import Cable, Kinematics
+from cable_ros.scene.model import RING
+
+ITERATIONS = 12
+"""Maximum number of steps of Newton's method at the supports."""
+SLOW, STALLED = 0.2, 0.5
+"""Rate of convergence beyond which the tangent is renewed, and beyond which a renewed one fails."""
+FARTHEST = 0.25
+"""Maximum step of Newton's method: a rotation, rad, or part of a length."""
+WRENCH = 0.1
+"""Weight of a relative change of the wrenches beside a rotation in rad: each may be 1 / 0.1 as inexact."""
+NOISE, ROUNDING = 0.02, 2e-9
+"""Fraction of the tolerance, and size, below which steps that stall are rounding of the pieces' solutions."""
+EXACT = 1e-3
+"""Fraction of the tolerance at which the steps end."""
+RENEWED = 0.05
+"""Motion of supports and sections, rad or parts of the length, after which stability is judged again."""
+SWITCHES = 6
+"""Maximum number of changes between sticking and sliding in one step."""
+HELD = 1e-6
+"""Excess of friction at which a ring still sticks, as a fraction of it."""
+LEAST = 1e-9
+"""Motion against friction, as a fraction of the length, that is rounding."""
+
+
+class Balance:
+    """The pieces of one run and their last common equilibrium.
+
+    Args:
+        run: the cable between two clips or ends, with the supports in between.
+        pieces: its pieces.
+        first: number of its first piece in the scene.
+    """
+
+    def __init__(self, run: Cable, pieces: Sequence[SharedPiece], first: int) -> None:
+        self.run, self.pieces, self.first = run, tuple(pieces), first
+        self.which = slice(first, first + len(pieces))
+        self._rings = np.array([support.kind == RING for support in run.supports])
+        self._friction = np.array([support.friction for support in run.supports])
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the equilibrium."""
+        self.state: Shared | None = None
+        self._joints = self._origin = np.empty(0)
+        self._kept: list[Kept] = []
+        self._before: tuple[np.ndarray, Shared] | None = None  # the step before the last, for extrapolation
+        self._slides = np.zeros(len(self._rings), int)
+        self._inverse: np.ndarray | None = None
+        self._spread: np.ndarray | None = None
+        self._judged_at: np.ndarray | None = None
+        self.margin = np.nan
+        for piece in self.pieces:
+            piece.reset()
+
+    @property
+    def arcs(self) -> np.ndarray:
+        """(n,) arc lengths in its supports from its start, m."""
+        if self.state is not None:
+            return self.state.arcs
+        return np.array([support.arc_length for support in self.run.supports])
+
+    @property
+    def free(self) -> np.ndarray:
+        """(4 n,) which unknowns there are: all rotations, and the arc lengths in rings that do not stick."""
+        out = np.ones((len(self._rings), PER), bool)
+        out[:, 3] = self._rings & ((self._friction == 0.0) | (self._slides != 0))
+        return out.ravel()
+
+    @property
+    def _push(self) -> np.ndarray:
+        """(n,) signed coefficients of friction, see `coupling.assemble`."""
+        return self._friction * self._slides
+
+    def _accept(self, joints: np.ndarray, state: Shared) -> None:
+        if self.state is not None:
+            self._before = self._joints, self.state
+        self._joints, self.state = joints, state
+        self._keep()
+
+    def _keep(self) -> None:
+        """Remember the pieces' present equilibria."""
+        self._kept = [piece.keep() for piece in self.pieces]
+
+    @property
+    def _stuck(self) -> np.ndarray:
+        """(n,) which arc lengths stay."""
+        return ~self.free.reshape(-1, PER)[:, 3]
+
+    def _move(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, to: Shared, fall: bool = False
+    ) -> bool:
+        """Move all pieces to a state nearby; whether all could follow, or, where they may, fall."""
+        places = to.places(mounts, self.run.length)
+        if any(place.length < self._least for place in places):
+            return False
+        for piece, place in zip(self.pieces, places, strict=True):
+            if piece.attempt(kinematics, joints, place):
+                continue
+            if not (fall and piece.fall(kinematics, joints, place)):
+                return False
+        return True
+
+    @property
+    def _least(self) -> float:
+        """Minimum length of a piece, m: a shorter one is a ring at a clamp."""
+        return max(1e-3 * self.run.length, 2.0 * self.run.radius)
+
+    def _return(self) -> None:
+        """Move all pieces back to the last equilibrium."""
+        for piece, kept in zip(self.pieces, self._kept, strict=True):
+            piece.put_back(kept)
+        self._inverse = None  # it may be that of a far state
+
+    def _newton(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, guess: Shared
+    ) -> Shared | None:
+        """The equilibrium near a guess, with what sticks and what slides; None: none was found."""
+        assert self.state is not None
+        kept, origin = self._slides.copy(), self.state.arcs
+        for _ in range(SWITCHES):
+            found = self._corrected(kinematics, joints, mounts, guess)
+            if found is None or not self._friction.any():
+                break
+            switched = self._switched(found, origin)
+            if not switched.any():
+                return found
+            arcs = np.where(switched & (self._slides == 0), origin, found.arcs)
+            guess, self._inverse = Shared(found.turns, arcs), None
+        else:
+            found = None
+        if found is None and not np.array_equal(self._slides, kept):
+            self._slides, self._inverse = kept, None
+        return found
+
+    def _switched(self, found: Shared, origin: np.ndarray) -> np.ndarray:
+        """(n,) which rings stick that slid, or slide that stuck; `origin` (n,): arc lengths before."""
+        excess, signs = self._excess()
+        switched = np.zeros(len(origin), bool)
+        for j in np.flatnonzero(self._rings & (self._friction > 0.0)):
+            if self._slides[j]:
+                # the cable slides towards its end, and less of it is before the ring
+                if self._slides[j] * (found.arcs[j] - origin[j]) > LEAST * self.run.length:
+                    self._slides[j], switched[j] = 0, True
+            elif excess[j] > (1.0 + HELD) * self._friction[j]:
+                self._slides[j], switched[j] = signs[j], True
+        return switched
+
+    def _excess(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) difference of the tensions over the force across each ring, and (n,) its sign."""
+        ends = [piece.ends() for piece in self.pieces]
+        out, signs = np.zeros(len(self._rings)), np.zeros(len(self._rings), int)
+        for j in range(len(out)):
+            total = ends[j].wrenches[6:9] + ends[j + 1].wrenches[:3]
+            difference = ends[j + 1].forces[0] - ends[j].forces[1]
+            out[j] = abs(difference) / max(float(np.hypot(total[0], total[1])), 1e-300)
+            signs[j] = int(np.sign(difference))
+        return out, signs
+
+    def _corrected(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, guess: Shared
+    ) -> Shared | None:
+        """Newton's method with a tangent that is renewed if it is slow; None: it does not converge."""
+        if not self._move(kinematics, joints, mounts, guess):
+            return None
+        tolerance = EXACT * self.pieces[0].tolerance
+        state, size, fresh, rate = guess, np.inf, False, SLOW
+        for iteration in range(ITERATIONS):
+            free = self.free
+            if self._inverse is None or len(self._inverse) != free.sum():
+                if not self._renew(mounts, state):
+                    return None
+                fresh = True
+            assert self._inverse is not None
+            ends = [piece.ends() for piece in self.pieces]
+            residual = residual_of(ends, self._push)
+            step = np.zeros(len(free))
+            step[free] = -self._inverse @ residual[free]
+            new = self._size(step, ends)
+            if not new <= FARTHEST:
+                return None
+            if iteration:
+                rate = new / size
+                if rate > STALLED and new <= max(NOISE * self.pieces[0].tolerance, ROUNDING):
+                    return state
+                if rate > STALLED and fresh:
+                    return None
+            if iteration and rate > SLOW and not fresh:
+                self._inverse, size = None, np.inf
+                continue
+            size = new
+            if new <= tolerance:
+                return state
+            state = state.moved(step)
+            if not self._move(kinematics, joints, mounts, state):
+                return None
+            if new * min(max(rate, 1e-3), 1.0) <= tolerance:
+                return state
+        return None
+
+    def _size(self, step: np.ndarray, ends: Sequence[Ends]) -> float:
+        """Of a step (4 n,): largest rotation, rad, shift over the shortest length, or part of a wrench."""
+        each = step.reshape(-1, PER)
+        shortest = min(piece.length for piece in self.pieces)
+        size = max(float(np.abs(each[:, :3]).max()), float(np.abs(each[:, 3]).max()) / shortest)
+        if self._spread is None:
+            return size
+        wrenches = np.concatenate([one.wrenches for one in ends])
+        change = np.abs(self._spread[: len(wrenches)] @ step).reshape(-1, 2, 3).max(axis=(0, 2))
+        whole = np.abs(wrenches).reshape(-1, 2, 3).max(axis=(0, 2)) + 1e-300
+        return max(size, WRENCH * float((change / whole).max()))
+
+    def tangent(self, mounts: np.ndarray, state: Shared) -> CoupledTangent:
+        """The linearised equations about the present equilibria of the pieces."""
+        places = state.places(mounts, self.run.length)
+        pieces, loads = [], np.empty((len(places), 2, 3))
+        for i, (piece, place) in enumerate(zip(self.pieces, places, strict=True)):
+            own, section = (quaternion.matrices_from_ros(p[:, 3:].copy()) for p in (mounts[i], place.poses))
+            turns = own.transpose(0, 2, 1) @ section
+            pieces.append(Turned(piece.tangent(place.poses), turns))
+            loads[i] = piece.loads(place.poses)
+        ends: tuple[Ends, ...] = tuple(piece.ends() for piece in self.pieces)
+        return CoupledTangent(tuple(pieces), ends, loads, self._push, self.free)
+
+    def _renew(self, mounts: np.ndarray, state: Shared) -> bool:
+        """Invert the tangent at the pieces' present equilibria; whether it can be inverted."""
+        return self._invert(assemble(self.tangent(mounts, state).sides(), self._push))
+
+    def _invert(self, system: System) -> bool:
+        free = self.free
+        try:
+            self._inverse, self._spread = np.linalg.inv(system.tangent[np.ix_(free, free)]), system.spread
+        except np.linalg.LinAlgError:
+            return False
+        return bool(np.isfinite(self._inverse).all())
+
+    def scale(self) -> np.ndarray:
+        """(4 n,) stiffness of straight pieces beside each support, N m and N / m."""
+        out = np.zeros((len(self._rings), PER))
+        for j in range(len(out)):
+            for piece in self.pieces[j : j + 2]:
+                stiffness, length = piece.section.stiffness, piece.length
+                out[j, :2] += 4.0 * stiffness[:2] / length
+                out[j, 2] += stiffness[2] / length
+                out[j, 3] += 4.0 * stiffness[:2].mean() / length**3
+        return out.ravel()
+
+    def _stable(self, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
+        """Whether the state is a minimum of the energy, judged again if it has moved."""
+        here = np.concatenate([mounts[..., :3].ravel() / self.run.length, mounts[..., 3:].ravel(),
+                               state.turns.ravel(), state.arcs / self.run.length])  # fmt: skip
+        if self._judged_at is not None and np.abs(here - self._judged_at).max() < RENEWED:
+            return True
+        tangent = self.tangent(mounts, state)
+        sides, free = tangent.sides(), self.free
+        plain = assemble(sides, np.zeros(len(self._rings)))
+        margin = judged(plain.tangent, free, self.scale())
+        if not margin > 0.0:
+            return False
+        self.margin, self._judged_at = margin, here
+        return self._invert(assemble(sides, self._push) if self._push.any() else plain)

@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pieces between two clips, or ends, of a cable that turns or slides in what is between them."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cable_ros.branch.cable_tracker import CableTracker
+from cable_ros.branch.coupled_state import Shared
+from cable_ros.branch.coupling import PER
+from cable_ros.branch.released import Released
+from cable_ros.branch.shared_piece import Place, SharedPiece
+from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.scene import Kinematics, Scene
+
+LONGEST = 0.2
+"""Maximum step in joint values, rad or m, that is taken at once."""
+SHORTEST = 1e-4
+"""Minimum step, rad or m; if even that fails, the cable snaps."""
+MOST_STEPS = 60
+"""Maximum number of steps of one solve."""
+PATIENCE = 2
+"""Number of poses in a row that it cannot be followed to, before an equilibrium is searched for again."""
+BEYOND = (1.0, 10.0, 100.0)
+"""Steps of `SHORTEST` along the path at which a snap-through is tried."""
+JUMP = 0.05
+"""Minimum rotation of a section in a support, rad, that shows another branch."""
+
+
+class CoupledPieces(Released):
+    """Keeps the pieces of one run on their common branch."""
+
+    def reset(self) -> None:
+        super().reset()
+        self._waiting: list[np.ndarray] = []
+        self._failures: int = 0
+        self._lost: str = ""
+
+    def held(self, kinematics: Kinematics, joints: np.ndarray) -> np.ndarray:
+        """`Kinematics.poses` at `joints`, with its sections in the place of the mounts that they turn in."""
+        poses = kinematics.poses(joints[: len(kinematics.joint_names)])
+        if self.state is not None:
+            poses[self.which] = [place.poses for place in self.places(poses[self.which])]
+        return poses
+
+    def places(self, mounts: np.ndarray) -> list[Place]:
+        """Where its pieces are held now; `mounts` (n + 1, 2, 7): of their ends."""
+        assert self.state is not None
+        return self.state.places(mounts, self.run.length)
+
+    def solve(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, begin: float,
+        share: Callable[[], None],
+    ) -> list[Equilibrium]:  # fmt: skip
+        """The equilibria of its pieces, with wrenches along the axes of their mounts.
+
+        Args:
+            kinematics: of the robot.
+            joints: (n_joints,) values.
+            mounts: (n + 1, 2, 7) of the ends of the pieces there, world.
+            begin: when the solve began, s.
+            share: tells the pieces where their points are, once their lengths are known.
+        """
+        if self.state is not None and any(piece.rod is None for piece in self.pieces):
+            self._forget("it could not be followed to the cable's new properties")
+        resolved = self.state is None or [piece.resolve() for piece in self.pieces]
+        if resolved is not True and not all(resolved):
+            self._forget(f"it could not be brought to the tolerance {self.pieces[0].tolerance:g}")
+        if self._failures >= PATIENCE:
+            self._forget("it could not be followed from pose to pose")
+        if out_of_reach := self._out_of_reach(mounts):
+            message, where = out_of_reach
+            return self._failed(Status.OUT_OF_REACH, message, begin, where)
+        if self.state is None:
+            problem = self._start(kinematics, joints, mounts)
+            if problem is not None:
+                status, message, where = problem
+                return self._failed(status, message, begin, where)
+            if self._lost:
+                self.pieces[0].distrust(self._lost)
+            return self._publish(kinematics, joints, mounts, "", begin, share)
+        route = [*self._waiting, joints] if self._friction.any() else [joints]
+        self._waiting, steps, snapped = [], 0, ""
+        for k, there in enumerate(route):
+            steps, told = self._follow(kinematics, there, steps)
+            snapped = snapped or (told or "")
+            if told is None:
+                self._failures += 1
+                self._waiting = route[k + 1 : -1]
+                return self._failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, begin)
+            if not np.array_equal(self._joints, there):
+                self._waiting = route[k:]
+                return self._failed(Status.UNFINISHED, Status.UNFINISHED.sentence, begin)
+        self._failures = 0
+        return self._publish(kinematics, joints, mounts, snapped, begin, share)
+
+    def _forget(self, cause: str) -> None:
+        """Forget the equilibrium; what is found next is another one, maybe, until `reset`."""
+        self.reset()
+        self._lost = cause
+
+    def _out_of_reach(self, mounts: np.ndarray) -> tuple[str, int] | None:
+        """A sentence if its supports are too far apart, and which piece it is about; None if they are not."""
+        if not (self.run.start.holds and self.run.end.holds):
+            return None
+        chords = np.linalg.norm(mounts[:, 1, :3] - mounts[:, 0, :3], axis=1)
+        cuts = np.concatenate([[0.0], self.arcs, [self.run.length]])
+        fixed = [0, *(np.flatnonzero(~self._rings) + 1).tolist(), len(chords)]
+        for a, b in itertools.pairwise(fixed):
+            chord, length = float(chords[a:b].sum()), float(cuts[b] - cuts[a])
+            if chord >= length:
+                way = "The way through its rings is" if b > a + 1 else "The distance between its supports is"
+                more = (
+                    f"{(chord - length) * 1e3:.4g} mm longer than" if chord - length > 1e-9 else "as long as"
+                )
+                return f"{way} {more} the cable there ({length:g} m).", a
+        return None
+
+    def _follow(self, kinematics: Kinematics, joints: np.ndarray, steps: int) -> tuple[int, str | None]:
+        """Continue the branch straight to `joints`, as far as the steps last.
+
+        Returns the number of steps, and a sentence if it snapped on the way; None: it was lost.
+        """
+        told = ""
+        origin = self._joints
+        distance = float(np.abs(joints - origin).max(initial=0.0))
+        longest = LONGEST / max(distance, LONGEST)
+        at, step = 0.0, longest
+        while at < 1.0:
+            if steps >= MOST_STEPS:
+                return steps, told
+            target = min(1.0, at + step)
+            there = joints if target == 1.0 else origin + target * (joints - origin)
+            mounts = kinematics.poses(there)[self.which]
+            steps += 1
+            assert self.state is not None
+            guess = self._extrapolated(there)
+            found = self._newton(kinematics, there, mounts, guess)
+            if found is None and guess is not self.state:
+                self._return()
+                found = self._newton(kinematics, there, mounts, self.state)
+            if found is not None and not self._stable(there, mounts, found):
+                found = None
+            if found is not None:
+                self._accept(there, found)
+                at, step = target, min(2.0 * step, longest)
+                continue
+            self._return()
+            step = 0.5 * (target - at)
+            if step * distance < SHORTEST:
+                before, shape = self._energy(kinematics.poses(self._joints)[self.which]), self.state
+                for reach in BEYOND:  # next to a fold nothing is exact
+                    target = min(1.0, at + reach * step)
+                    there = origin + target * (joints - origin)
+                    mounts = kinematics.poses(there)[self.which]
+                    if self._snap(kinematics, there, mounts):
+                        break
+                    self.state = shape
+                    self._return()
+                else:
+                    return steps, None
+                at, step = target, longest
+                if np.abs(shape.step_to(self.state).reshape(-1, PER)[:, :3]).max() < JUMP:
+                    continue  # it goes on, steeply
+                after = self._energy(mounts)
+                told = (
+                    f"{Status.SNAPPED.sentence[:-1]} (energy {before:.4g} -> {after:.4g} J at"
+                    f" {100.0 * target:.4g} % of the step)."
+                )
+        if not distance:
+            self._joints = joints
+        return steps, told
+
+    def _extrapolated(self, joints: np.ndarray) -> Shared:
+        """The state there if it goes on as in the last step."""
+        assert self.state is not None
+        if self._before is None:
+            return self.state
+        last, step = self._joints - self._before[0], joints - self._joints
+        size = float(last @ last)
+        ratio = float(last @ step) / size if size > 0.0 else 0.0
+        if not 0.0 < ratio <= 2.0 or np.abs(step - ratio * last).max() > 0.1 * np.abs(step).max():
+            return self.state
+        change = ratio * self._before[1].step_to(self.state)
+        change.reshape(-1, PER)[self._stuck, 3] = 0.0
+        return self.state.moved(change)
+
+    def _publish(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, snapped: str, begin: float,
+        share: Callable[[], None],
+    ) -> list[Equilibrium]:  # fmt: skip
+        """The results of the pieces; `snapped`: a sentence if the cable did so on the way."""
+        for _ in range(3):
+            places = self.places(mounts)
+            if self._rings.any():
+                share()
+            meshes = [piece.mesh for piece in self.pieces]
+            found = [
+                piece.publish(place.poses, begin) for piece, place in zip(self.pieces, places, strict=True)
+            ]
+            if all(piece.mesh is mesh for piece, mesh in zip(self.pieces, meshes, strict=True)):
+                break
+            # other meshes: the balance of the supports is another by their error
+            assert self.state is not None
+            exact = self._newton(kinematics, joints, mounts, self.state)
+            if exact is None:
+                break
+            self._accept(joints, exact)
+        assert self.state is not None
+        self._keep()
+        tangent = self.tangent(mounts, self.state)
+        out = []
+        for i, one in enumerate(found):
+            turn = tangent.pieces[i].turn
+            wrenches = turn @ np.concatenate([one.start_wrench, one.end_wrench])
+            fields = vars(one) | {
+                "start_wrench": wrenches[:6], "end_wrench": wrenches[6:], "_mounts": mounts[i, :, 3:].copy(),
+                "_tangent": tangent.pieces[i], "_coupled": tangent if i == 0 else None,
+                "stability_margin": min(one.stability_margin, self.margin),
+            }  # fmt: skip
+            if one.status is Status.CONVERGED and snapped:
+                fields |= {"status": Status.SNAPPED, "message": snapped if i == 0 else ""}
+            out.append(Equilibrium.of(fields))
+            begin = time.perf_counter()
+        return out
+
+    def _failed(self, status: Status, message: str, begin: float, where: int = 0) -> list[Equilibrium]:
+        """Results without numbers; `message`: of the piece `where`."""
+        seconds = time.perf_counter() - begin
+        return [
+            piece.failed(status, message if i == where else "", seconds if i == where else 0.0)
+            for i, piece in enumerate(self.pieces)
+        ]
+
+
+def kinds(scene: Scene) -> list[type[CableTracker]]:
+    """What tracks each of `Scene.pieces`."""
+    return [
+        SharedPiece if run.supports else CableTracker
+        for cable in scene.cables
+        for run in cable.runs
+        for _ in run.pieces
+    ]
+
+
+def coupled_pieces(scene: Scene, tracked: Sequence[CableTracker]) -> tuple[CoupledPieces, ...]:
+    """The runs of pieces that share supports; `tracked`: of `Scene.pieces`."""
+    out, first = [], 0
+    for cable in scene.cables:
+        for run in cable.runs:
+            pieces = tracked[first : first + len(run.pieces)]
+            if run.supports:
+                shared = [piece for piece in pieces if isinstance(piece, SharedPiece)]
+                out.append(CoupledPieces(run, shared, first))
+            first += len(pieces)
+    return tuple(out)

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What pieces share at their supports: orientations and arc lengths, and where that puts each piece."""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.branch.coupling import PER
+from cable_ros.branch.shared_piece import Place
+from cable_ros.rod import quaternion
+
+SCALAR_FIRST = [6, 3, 4, 5]
+"""Columns of a pose with the quaternion w x y z."""
+
+
+class Shared(NamedTuple):
+    """The unknowns of n supports."""
+
+    turns: np.ndarray
+    """(n, 4) orientation of the section in each support, in the frame of its mount, scalar first."""
+    arcs: np.ndarray
+    """(n,) arc length of the cable there, m."""
+
+    def moved(self, step: np.ndarray) -> Shared:
+        """After a step (4 n,): rotations about the sections' own axes, rad, and lengths, m, by support."""
+        each = step.reshape(-1, PER)
+        turns = np.empty_like(self.turns)
+        quaternion.retract(self.turns, np.ascontiguousarray(each[:, :3]).ravel(), turns)
+        return Shared(turns, self.arcs + each[:, 3])
+
+    def step_to(self, other: Shared) -> np.ndarray:
+        """(4 n,) the step that leads to another state, as in `moved`."""
+        out = np.empty((len(self.arcs), PER))
+        for j, (one, two) in enumerate(zip(self.turns, other.turns, strict=True)):
+            out[j, :3] = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(one), two))
+        out[:, 3] = other.arcs - self.arcs
+        return out.ravel()
+
+    def places(self, mounts: np.ndarray, length: float) -> list[Place]:
+        """Where each piece is held; `mounts` (n + 1, 2, 7): of their ends; `length` of all together, m."""
+        poses = mounts.copy()
+        for j, turn in enumerate(self.turns):
+            section = quaternion.multiply(mounts[j, 1, SCALAR_FIRST], turn)
+            poses[j, 1, SCALAR_FIRST] = poses[j + 1, 0, SCALAR_FIRST] = section
+        cuts = [0.0, *self.arcs.tolist(), length]
+        return [Place(poses[i], cuts[i + 1] - cuts[i]) for i in range(len(poses))]
+
+
+def first_guess(mounts: np.ndarray, arcs: np.ndarray, length: float) -> Shared:
+    """A state to start from: tangents of a smooth curve through all mounts, twisted evenly.
+
+    Args:
+        mounts: (n + 1, 2, 7) of the ends of the pieces, world.
+        arcs: (n,) arc lengths, m.
+        length: of the cable, m.
+    """
+    count = len(arcs)
+    r = np.concatenate([mounts[:, 0, :3], mounts[-1:, 1, :3]])
+    first, last = (quaternion.from_ros(pose[3:]) for pose in (mounts[0, 0], mounts[-1, 1]))
+    sections, before = [], first
+    for j in range(1, count + 1):
+        back, ahead = r[j] - r[j - 1], r[j + 1] - r[j]
+        sizes = np.linalg.norm(back), np.linalg.norm(ahead)
+        # the nearer neighbour tells more
+        tangent = back / max(sizes[0] ** 2, 1e-12) + ahead / max(sizes[1] ** 2, 1e-12)
+        size = float(np.linalg.norm(tangent))
+        along = quaternion.rotate(before, np.array([0.0, 0.0, 1.0]))
+        if size > 1e-9:
+            before = quaternion.multiply(quaternion.between(along, tangent / size), before)
+        sections.append(before)
+    along, to = (quaternion.rotate(q, np.array([0.0, 0.0, 1.0])) for q in (before, last))
+    arrived = quaternion.multiply(quaternion.between(along, to), before)
+    twist = float(quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(arrived), last))[2])
+    turns = np.empty((count, 4))
+    for j, section in enumerate(sections):
+        half = 0.5 * twist * arcs[j] / length
+        spun = quaternion.multiply(section, np.array([np.cos(half), 0.0, 0.0, np.sin(half)]))
+        mount = quaternion.from_ros(mounts[j, 1, 3:])
+        turns[j] = quaternion.multiply(quaternion.conjugate(mount), spun)
+    return Shared(turns, arcs.copy())
+
+
+def reachable(mounts: np.ndarray, arcs: np.ndarray, length: float, slides: np.ndarray) -> np.ndarray:
+    """Arc lengths (n,) at which each piece is longer than its chord, if the rings can slide to such.
+
+    Args:
+        mounts, arcs, length: as in `first_guess`.
+        slides: (n,) which supports are rings.
+    """
+    chords = np.linalg.norm(mounts[:, 1, :3] - mounts[:, 0, :3], axis=1)
+    cuts = np.concatenate([[0.0], arcs, [length]])
+    lengths = np.diff(cuts)
+    if (lengths > ROOM * chords).all():
+        return arcs
+    # what is too short takes from the slack of the others between two supports that do not slide
+    fixed = [0, *(j + 1 for j in range(len(arcs)) if not slides[j]), len(cuts) - 1]
+    for a, b in itertools.pairwise(fixed):
+        slack = cuts[b] - cuts[a] - chords[a:b].sum()
+        if b == a + 1 or not slack > 0.0:
+            continue
+        room = min(ROOM - 1.0, 0.5 * slack / chords[a:b].sum())
+        least = (1.0 + room) * chords[a:b]
+        more = np.maximum(lengths[a:b] - least, 0.0)
+        given = more * (cuts[b] - cuts[a] - least.sum()) / more.sum() if more.any() else more
+        cuts[a + 1 : b] = cuts[a] + np.cumsum(least + given)[:-1]
+    return cuts[1:-1]
+
+
+ROOM = 1.01
+"""Minimum length of a piece over its chord in a first guess."""

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The equations of the supports at which a cable turns and slides, and their exact derivatives.
+
+A support shares two things between the pieces on its two sides: the orientation of the section in it, and at
+a ring the arc length that is there. With the pieces' energies E_i(pose of both ends, length) an equilibrium
+is a stationary point of their sum:
+
+- by a rotation of the section: the moments of both pieces on the support are in balance;
+- by the arc length: so are the configurational forces, H = F.t + 1/2 m.K^-1 m + m.kappa0 on both sides, with
+  the internal force F and moment m, the stiffness K and the natural strain kappa0. dE/dL = -H. As m is the
+  same on both sides, so is the tension F.t.
+
+The derivative of a piece's wrenches by its length follows from its clamp stiffness alone: a piece that goes
+on beyond its end as the solution does, dr = t ds, dR = R [kappa] ds, keeps its shape, and its end wrench
+follows the rod's own differential equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.linalg.cross import cross
+
+TANGENT = np.array([0.0, 0.0, 1.0])
+START, END = slice(0, 6), slice(6, 12)
+PER = 4
+"""Unknowns of a support: rotation of its section about the section's own axes, rad, and arc length, m."""
+
+
+class Section(NamedTuple):
+    """What a piece is made of; SI."""
+
+    stiffness: np.ndarray
+    """(3,) N m^2."""
+    natural: np.ndarray
+    """(3,) curvature and twist of the unloaded cable, 1/m."""
+
+
+class Ends(NamedTuple):
+    """The ends of one piece; SI, along the axes of the sections there."""
+
+    wrenches: np.ndarray
+    """(12,) what it exerts on what holds its start, then its end: force and moment."""
+    curvatures: np.ndarray
+    """(2, 3) curvature and twist, 1/m."""
+    forces: np.ndarray
+    """(2,) configurational force H, N."""
+
+    @classmethod
+    def of(cls, wrenches: np.ndarray, section: Section) -> Ends:
+        """From its wrenches."""
+        moment = np.empty((2, 3))
+        moment[0], moment[1] = wrenches[3:6], -wrenches[9:]
+        elastic = moment / section.stiffness
+        before, after = moment @ section.natural
+        forces = np.array([
+            wrenches[2] + 0.5 * (moment[0] @ elastic[0]) + before,
+            -wrenches[8] + 0.5 * (moment[1] @ elastic[1]) + after,
+        ])  # fmt: skip
+        return cls(wrenches, elastic + section.natural, forces)
+
+
+class Side(NamedTuple):
+    """One piece as its supports see it; SI, along the axes of the sections at its ends."""
+
+    ends: Ends
+    response: np.ndarray
+    """(12 + 6k, 12 + 6k) derivative of its wrenches, and of those on k obstacles, by their motions."""
+    growth: np.ndarray
+    """(12 + 6k,) derivative of all of these by its length."""
+
+    @classmethod
+    def of(cls, ends: Ends, response: np.ndarray, loads: np.ndarray, by_end: bool) -> Side:
+        """With its growth.
+
+        Args:
+            ends, response: as the fields.
+            loads: (2, 3) load per length along the axes of both ends, N/m.
+            by_end: whether it is the end that moves on as the length grows; at an end of any kind but a clamp
+                it must be the other one.
+        """
+        own, sign = (END, 1.0) if by_end else (START, -1.0)
+        kappa, W = ends.curvatures[int(by_end)], ends.wrenches[own]
+        growth = -sign * response[:, own] @ np.concatenate([TANGENT, kappa])
+        # the rod's equations in the section's frame: F' = -kappa x F - f, m' = -kappa x m - t x F
+        turned = np.concatenate([cross(kappa, W[:3]), cross(kappa, W[3:]) + cross(TANGENT, W[:3])])
+        growth[own] -= sign * turned
+        growth[own][:3] += loads[int(by_end)]
+        return cls(ends, response, growth)
+
+
+class System(NamedTuple):
+    """The supports' equations about a state of n + 1 pieces, for n supports."""
+
+    residual: np.ndarray
+    """(4 n,) derivative of the energy by rotation and arc length of each support, less a ring's friction."""
+    tangent: np.ndarray
+    """(4 n, 4 n) its derivative."""
+    by_wrenches: np.ndarray
+    """(4 n, 12 (n + 1)) derivative of the residual by the pieces' wrenches."""
+    spread: np.ndarray
+    """(12 (n + 1) + 6 k, 4 n) derivative of wrenches, also on obstacles, by the unknowns."""
+
+
+def residual_of(ends: Sequence[Ends], friction: np.ndarray) -> np.ndarray:
+    """`System.residual`; `friction` (n,): coefficient times direction, see `assemble`."""
+    out = np.empty(PER * len(friction))
+    for j, slip in enumerate(friction):
+        before, after = ends[j], ends[j + 1]
+        total = before.wrenches[END] + after.wrenches[START]
+        out[PER * j : PER * j + 3] = -total[3:]
+        push = slip * float(np.hypot(total[0], total[1])) if slip else 0.0
+        out[PER * j + 3] = after.forces[0] - before.forces[1] - push
+    return out
+
+
+def assemble(sides: Sequence[Side], friction: np.ndarray) -> System:
+    """The equations of n supports between n + 1 pieces.
+
+    Args:
+        sides: the pieces, with the same k obstacles.
+        friction: (n,) of each ring, mu where the cable slides towards its end, -mu where it slides back, 0
+            without friction: the difference of the tensions is that times the force across the cable.
+    """
+    count, n = len(sides), len(friction)
+    obstacles = sides[0].response.shape[0] - 12
+    size = 12 * count
+    by_wrenches, spread = np.zeros((PER * n, size)), np.zeros((size + obstacles, PER * n))
+    for j, slip in enumerate(friction):
+        before, after, at = sides[j], sides[j + 1], PER * j
+        end, start = slice(12 * j + 6, 12 * j + 12), slice(12 * j + 12, 12 * j + 18)
+        for where, side, which in ((end, before, 1), (start, after, 0)):
+            by_wrenches[at : at + 3, where][:, 3:] = -np.eye(3)
+            by_wrenches[at + 3, where] = np.concatenate([TANGENT, side.ends.curvatures[which]])
+        total = before.ends.wrenches[END] + after.ends.wrenches[START]
+        across = float(np.hypot(total[0], total[1]))
+        if slip and across > 0.0:
+            for where in (end, start):
+                by_wrenches[at + 3, where][:2] -= slip * total[:2] / across
+        for i, side, own, sign in ((j, before, END, 1.0), (j + 1, after, START, -1.0)):
+            rows = np.r_[12 * i : 12 * i + 12, size : size + obstacles]
+            spread[rows, at : at + 3] += side.response[:, own][:, 3:]
+            spread[rows, at + 3] += sign * side.growth
+    return System(
+        residual_of([side.ends for side in sides], friction), by_wrenches @ spread[:size], by_wrenches, spread
+    )
+
+
+def judged(tangent: np.ndarray, free: np.ndarray, scale: np.ndarray) -> float:
+    """Least eigenvalue of the symmetric part of the tangent at the free unknowns, over `scale`.
+
+    Args:
+        tangent: (4 n, 4 n) of `System`, without friction.
+        free: (4 n,) which unknowns there are.
+        scale: (4 n,) stiffness that belongs to each, N m or N / m.
+    """
+    root = np.sqrt(scale[free])
+    K = tangent[np.ix_(free, free)] / root / root[:, None]
+    return float(np.linalg.eigvalsh(0.5 * (K + K.T))[0])

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The mirror image of an equilibrium in a scene with a plane of symmetry: a search may find only one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.branch.cold_start import SEARCH_OPTIONS, Found, Sought, same, settle
+from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.rod import quaternion, warm_step
+
+SYMMETRIC = 1e-9
+"""Maximum distance of what is in the plane of symmetry from it, L: rounding of the joint values."""
+SAME_SHAPE = 1e-6
+"""Maximum difference of the frames of a shape that is its own mirror image."""
+
+
+def plane_of_symmetry(sought: Sought) -> np.ndarray | None:
+    """(3,) unit normal of a plane that a clamped cable's ends, load and section are symmetric to; or None.
+
+    In the start clamp's frame. The obstacles are not looked at: see `mirror_image`.
+    """
+    if sought.compliance is not None or sought.ends is not None or sought.target_twist:
+        return None
+    conditions, stiffness = sought.conditions, sought.stiffness
+    ends = quaternion.tangents(np.array([[1.0, 0.0, 0.0, 0.0], conditions.qe]))
+    load = conditions.f / max(float(np.linalg.norm(conditions.f)), 1.0)
+    _, sizes, axes = np.linalg.svd(np.vstack([ends, conditions.re, load]))
+    n = axes[2]
+    if sizes[2] > SYMMETRIC or sizes[1] < SYMMETRIC:
+        return None  # no plane, or many
+    isotropic = stiffness[0] == stiffness[1] or np.abs(n[:2]).min() < SYMMETRIC
+    bent_along = np.linalg.norm(np.cross(sought.natural, n)) < SYMMETRIC
+    image = reflected(conditions.qe[None], n)[0]
+    turned = min(np.linalg.norm(image - conditions.qe), np.linalg.norm(image + conditions.qe))
+    return n if isotropic and bent_along and turned < SYMMETRIC else None
+
+
+def reflected(q: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Frames (k, 4) reflected by the plane through the start clamp with unit normal n (3,): M R M.
+
+    The start clamp's frame stays, since the sections are reflected, too.
+    """
+    return np.column_stack([q[:, 0], 2.0 * (q[:, 1:] @ n)[:, None] * n - q[:, 1:]])
+
+
+def mirror_image(one: Found, n: np.ndarray) -> Found | None:
+    """The mirror image of `one` by `plane_of_symmetry`; None if it is no equilibrium, or `one` itself."""
+    rod, q = one.rod, reflected(one.q, n)
+    if np.abs(q - one.q).max() < SAME_SHAPE:
+        return None
+    F = one.F - 2.0 * float(n @ one.F) * n
+    image = _with_its_contacts(rod, q, F) if isinstance(rod, TouchingRod) and rod.count else None
+    if image is None:
+        other = rod.variant(rod.mesh)
+        other.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+        image = settle(other, other.on_end(q), F, SEARCH_OPTIONS)
+    return None if image is None or same(image, one) else image
+
+
+def _with_its_contacts(rod: TouchingRod, q: np.ndarray, F: np.ndarray) -> Found | None:
+    """The equilibrium next to (q, F) with contacts at the arc lengths of the rod's; None without one."""
+    other = rod.snapshot()()
+    assert isinstance(other, TouchingRod)
+    code, iterations, q, F = other.correct(other.on_end(q), F, SEARCH_OPTIONS.step_tolerance, remesh=False)
+    if code != warm_step.ADVANCED or not other.refactor(q, F):
+        return None
+    return Found.at(other, q, F, iterations)

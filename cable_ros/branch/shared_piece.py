@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A piece of a cable next to a pin or a ring, which is moved and lengthened by what its supports share."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.branch.cable_tracker import ALGEBRAIC, CableTracker
+from cable_ros.branch.cold_start import Conditions
+from cable_ros.branch.continuation import snap_through
+from cable_ros.branch.coupling import Ends, Section
+from cable_ros.branch.held_ends import ends_of
+from cable_ros.branch.results import Reader, Tangent
+from cable_ros.branch.tracked_equilibrium import conditions_of
+from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.travel import travel
+from cable_ros.effects.effect import Properties
+from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod.elements import Mesh
+from cable_ros.rod.held_rod import HeldRod
+from cable_ros.rod.rod_state import ENERGY
+from cable_ros.rod.units import Units, relative
+from cable_ros.scene import Kinematics
+
+MOST_TURN = 0.35
+"""Maximum rotation of a section in one attempt, rad."""
+
+
+class Place(NamedTuple):
+    """Where a piece is held, and how long it is."""
+
+    poses: np.ndarray
+    """(2, 7) of the sections or mounts at both ends, world."""
+    length: float
+    """m."""
+
+
+class Kept(NamedTuple):
+    """An equilibrium of a piece."""
+
+    q: np.ndarray
+    F: np.ndarray
+    conditions: Conditions
+    mesh: Mesh
+    contacts: tuple[np.ndarray, int, np.ndarray, np.ndarray] | None
+    """See `ActiveSetRod.state`; None: no contact."""
+    length: float
+    joints: np.ndarray
+
+
+class SharedPiece(CableTracker):
+    """One piece between two supports; it never looks for another branch by itself."""
+
+    _length: float | None = None
+    _spent = 0
+    """Iterations since the last result."""
+
+    def reset(self) -> None:
+        super().reset()
+        self._reader, self._outline = Reader(slides=True), Reader(slides=True)
+
+    def _use(self, properties: Properties) -> None:
+        if self._length is not None:
+            properties = replace(properties, length=self._length)
+        super()._use(properties)
+
+    @property
+    def length(self) -> float:
+        """m."""
+        return self._units.length
+
+    def set_length(self, length: float) -> None:
+        """Take another length, m: the rod, in units of its length, gets another load and natural strain."""
+        before, rod = self._units, self._rod
+        if length == before.length:
+            return
+        self._length, ratio = length, length / before.length
+        self._units = Units(length, before.stiffness)
+        if self._natural.any():
+            self._natural = ratio * self._natural
+            if rod is not None:
+                rod.natural *= ratio
+        if self._ends is not None and (self._ends.start.force.any() or self._ends.end.force.any()):
+            self._ends = ends_of(*self._mounts, self._units)
+            if isinstance(rod, HeldRod) and self._ends is not None:
+                rod.ends = self._ends
+                rod.set_conditions(rod.qe, rod.re, rod.f)
+
+    def find(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> Equilibrium:
+        """A cold start as if its sections were clamped there."""
+        self.reset()
+        self.set_length(place.length)
+        while True:
+            found = self.solve(kinematics, 0, joints, place.poses, time.perf_counter())
+            if found.status is not Status.UNFINISHED:
+                return found
+
+    def keep(self) -> Kept:
+        """The present equilibrium, for `put_back`."""
+        rod = self._rod
+        assert rod is not None
+        contacts = rod.state() if isinstance(rod, ActiveSetRod) else None
+        return Kept(self._q, self._F, conditions_of(rod), rod.mesh, contacts, self.length, self._joints)
+
+    def put_back(self, kept: Kept) -> None:
+        """Return to an equilibrium of the same rod."""
+        rod, there = self._rod, kept.conditions
+        assert rod is not None
+        self.set_length(kept.length)
+        if isinstance(rod, ActiveSetRod) and kept.contacts is not None:
+            rod.restore(kept.contacts, kept.mesh)
+            rod.ready = False
+        rod.set_conditions(there.qe, there.re, there.f, there.obstacles)
+        self._q, self._F, self._joints = kept.q, kept.F, kept.joints
+        rod.refactor(self._q, self._F)
+
+    def attempt(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
+        """Follow the branch to a place nearby in one step; if not, nothing has moved."""
+        rod, before = self._rod, self.length
+        assert rod is not None
+        self.set_length(place.length)
+        unit = self._units
+        qe, re, f = relative(place.poses, rod.qe, self._weight, unit.length, unit.force)
+        obstacles = self._placed(kinematics, joints, place.poses)
+        near = obstacles is None or (
+            travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) <= rod.longest_step
+        )
+        if near and rod.chord(qe, re) < 1.0:
+            rod.work, rod.patience, rod.short = self._full_budget, 0, False
+            code, iterations, q, F = rod.advance(
+                self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, MOST_TURN, obstacles
+            )
+            if code == warm_step.ADVANCED:
+                self._q, self._F, self._joints = q, F, joints
+                self._spent += iterations
+                return True
+        self.set_length(before)
+        return False
+
+    def resolve(self) -> bool:
+        """Solve the present equilibrium to the tolerance if that has changed; whether it is still there."""
+        if self._rod is not None and self._resolved != self.tolerance:
+            self._resolve()
+        return self._rod is not None
+
+    @property
+    def mesh(self) -> Mesh:
+        """Of the present equilibrium."""
+        assert self._rod is not None
+        return self._rod.mesh
+
+    def fall(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
+        """Descend the energy of this piece alone at a place nearby; if that fails, `put_back` is needed."""
+        rod = self._rod
+        assert rod is not None
+        self.set_length(place.length)
+        unit = self._units
+        there = Conditions(
+            *relative(place.poses, rod.qe, self._weight, unit.length, unit.force),
+            self._placed(kinematics, joints, place.poses),
+        )
+        if not rod.chord(there.qe, there.re) < 1.0:
+            return False
+        rod.work = self._full_budget
+        found = snap_through(rod, self._q, self._F, there)
+        if found is not None:
+            self._q, self._F, self._joints = found.q, found.F, joints
+            self._spent += found.iterations
+        return found is not None
+
+    def publish(self, poses: np.ndarray, begin: float) -> Equilibrium:
+        """The result of the present equilibrium, on a better mesh if it needs one."""
+        iterations, self._spent = self._spent, 0
+        return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
+
+    def energy(self, poses: np.ndarray) -> float:
+        """Of the present equilibrium, J."""
+        assert self._rod is not None
+        return float(self._rod.totals[ENERGY]) * self._units.moment - self._datum(self._rod, poses)
+
+    def ends(self) -> Ends:
+        """The ends of the present equilibrium, along the axes of its sections."""
+        assert self._rod is not None
+        end, start = self.wrenches(self._rod)
+        return Ends.of(np.concatenate([start, end]), self.section)
+
+    @property
+    def section(self) -> Section:
+        """What it is made of."""
+        return Section(self._stiffness * self._units.stiffness, self._natural / self.length)
+
+    def tangent(self, poses: np.ndarray) -> Tangent:
+        """The linearised equations about the present equilibrium."""
+        assert self._rod is not None
+        return Tangent(self._rod, self._q, self._F, self._units, self._names, poses[0], self._density)
+
+    def loads(self, poses: np.ndarray) -> np.ndarray:
+        """(2, 3) load per length along the axes of the sections at both ends, N/m."""
+        turn = quaternion.matrices_from_ros(np.ascontiguousarray(poses[:, 3:]))
+        return np.einsum("sba,b->sa", turn, self._weight)

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The experiments of cosseratbench that ours can do, where the extra "benchmarks" is installed."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+pytest.importorskip("cosseratbench", reason="the extra 'benchmarks' is not installed")
+
+from cosseratbench.experiment import run
+from cosseratbench.experiments import cantilever, capstan, catenary, crossing
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("cosserat_bench", ROOT / "benchmarks" / "cosserat_bench.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, spec.name, module)  # cosseratbench reads the solver's source
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_cantilever_is_the_elastica(bench: ModuleType) -> None:
+    result = run(cantilever.cantilever, bench.Statics())
+    # its own reference is that of small deflections, by 4e-4 another one
+    assert result.metrics["tip_deflection_error"] < 1e-3
+    assert bench.rod_error("cantilever", cantilever.cantilever.scenario, result.trajectory) < 1e-8
+
+
+@pytest.mark.parametrize("span", [0.6, 0.8, 0.95])
+def test_a_catenary_is_the_elastica(bench: ModuleType, span: float) -> None:
+    result = run(catenary.catenary, bench.Statics(), values={"span": span})
+    # its reference is without bending stiffness; at 0.6 that is 1 % (its own words)
+    assert result.metrics["shape_error"] < 0.02
+    if span == 0.8:  # that of the boundary-value problem
+        # the distance is to the nodes of a curve 4e-4 apart, of a rod whose pins bear no moment to 1e-8
+        assert bench.rod_error("catenary", catenary.catenary.scenario, result.trajectory) < 1e-5
+
+
+@pytest.mark.parametrize("tension", [1.0, 10.0, 30.0])
+def test_greenhills_twist_is_where_the_margin_is_zero(bench: ModuleType, tension: float) -> None:
+    assert bench.critical_twist(tension) == pytest.approx(1.0, abs=1e-4)  # extrapolated by a cubic
+
+
+def test_what_is_not_there_is_told(bench: ModuleType) -> None:
+    for experiment in (capstan.capstan, crossing.crossing):
+        result = run(experiment, bench.Statics())
+        assert result.trajectory is None
+        assert result.missing

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rod between two clamps, held by pins and rings, by shooting over all of it; shares no code.
+
+The equations are those of `held_ends`. At a support the force on the cable jumps; the moment does not. The
+arc length in a ring is an unknown, and the jump along the tangent is a given fraction of that across it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+from scipy.spatial.transform import Rotation
+
+
+@dataclass(frozen=True)
+class Held:
+    """A pin or a ring."""
+
+    position: np.ndarray
+    """(3,) world, m."""
+    slides: bool
+    friction: float = 0.0
+    """Of a ring: the tension beyond it less that before it, over the force across."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """World, N and N m, on the cable."""
+
+    start: np.ndarray
+    """(6,) force and moment on its start."""
+    end: np.ndarray
+    """(6,) the same on its end."""
+    forces: np.ndarray
+    """(n, 3) of the supports."""
+    arcs: np.ndarray
+    """(n,) arc lengths in them, m."""
+
+
+def solve(
+    cable: dict[str, Any], gravity: np.ndarray, held: list[Held], guess: Solution, accuracy: float = 1e-11
+) -> Solution:
+    """The equilibrium near a guess of forces and arc lengths."""
+    K = np.array(cable["stiffness"], float)
+    natural = np.array(cable.get("natural_strain", [0.0, 0.0, 0.0]))
+    weight = cable["linear_density"] * gravity
+    first, last = (Rotation.from_euler("xyz", cable[end]["rpy"]) for end in ("start", "end"))
+    count = len(held)
+
+    def slope(_: float, y: np.ndarray) -> np.ndarray:
+        R, F, M = y[3:12].reshape(3, 3), y[12:15], y[15:]
+        k = R.T @ M / K + natural
+        spin = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
+        return np.concatenate([R[:, 2], (R @ spin).ravel(), -weight, -np.cross(R[:, 2], F)])
+
+    def missed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        jumps, arcs = x[6 : 6 + 3 * count].reshape(-1, 3), x[6 + 3 * count :]
+        y = np.concatenate([cable["start"]["position"], first.as_matrix().ravel(), x[:6]])
+        cuts, out = [0.0, *arcs, cable["length"]], []
+        for j in range(count + 1):
+            y = solve_ivp(slope, cuts[j : j + 2], y, method="DOP853", rtol=accuracy, atol=1e-13).y[:, -1]
+            if j == count:
+                break
+            out.append(y[:3] - held[j].position)
+            tangent = y[3:12].reshape(3, 3)[:, 2]
+            along = float(jumps[j] @ tangent)
+            across = float(np.linalg.norm(jumps[j] - along * tangent))
+            y[12:15] -= jumps[j]
+            drop = -along - held[j].friction * across
+            out.append(np.array([drop if held[j].slides else arcs[j] - guess.arcs[j]]))
+        turn = last.inv() * Rotation.from_matrix(y[3:12].reshape(3, 3))
+        out += [y[:3] - cable["end"]["position"], turn.as_rotvec()]
+        return np.concatenate(out), y
+
+    x0 = np.concatenate([-guess.start, guess.forces.ravel(), guess.arcs])
+    found = root(lambda x: missed(x)[0], x0, method="hybr", tol=1e-13)
+    residual, y = missed(found.x)
+    assert np.abs(residual).max() < 1e-8, residual
+    x = found.x
+    return Solution(-x[:6], y[12:], x[6 : 6 + 3 * count].reshape(-1, 3), x[6 + 3 * count :])

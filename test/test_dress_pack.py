@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A hose with clips and a ring on a real arm, as the example has it; needs example-robot-data."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from cable_ros import Tracker, load_scene
+from cable_ros.joint import joint_load
+
+pytest.importorskip("trimesh", reason="the arm's meshes need trimesh")
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    path = Path(__file__).parents[1] / "examples" / "dress_pack.py"
+    spec = importlib.util.spec_from_file_location("dress_pack_example", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    try:
+        module.urdf()
+    except FileNotFoundError as error:
+        pytest.skip(str(error))
+    return module
+
+
+def test_the_hose_follows_a_pick_and_place_outside_the_links(example, capsys):
+    path = example.poses(75)
+    found = example.run(0.2, path)
+    told = capsys.readouterr().out
+    assert [one.status.name for one in found if not one.status.trusted] == []
+    assert "75 CONVERGED" in told
+    assert "deepest 0.000 mm" in told
+    assert any(one.contacts for one in found)
+    assert "bend_radius: up to" in told
+    turns = [joints["wrist_3_joint"] for joints in path]
+    assert max(turns) > 2.9
+    assert min(turns) < -2.9
+    # there and back to the first pose: friction in the ring is all that may differ
+    np.testing.assert_allclose(found[-1].end_wrench, found[0].end_wrench, atol=0.2)
+
+
+def test_joint_loads_of_the_arm_are_the_slope_of_the_energy(example):
+    values = {key: value for key, value in example.scene(0.0).items() if key != "obstacles"}
+    tracker = Tracker(load_scene(values), tolerance=1e-8)
+    pose = example.poses(75)[7]
+    tracker.arrive(pose)
+    load = joint_load(tracker, tracker.arrive(pose), pose)
+    step = 1e-4
+    for i, name in enumerate(tracker.joint_names):
+        energies, torques = [], []
+        for sign in (1.0, -1.0):
+            moved = pose | {name: pose[name] + sign * step}
+            found = tracker.arrive(moved)
+            energies.append(found["hose"].energy)
+            torques.append(joint_load(tracker, found, moved).torque)
+        slope = (energies[1] - energies[0]) / (2 * step)
+        assert load.torque[i] == pytest.approx(slope, abs=1e-6 * np.abs(load.torque).max())
+        column = (torques[0] - torques[1]) / (2 * step)
+        np.testing.assert_allclose(load.stiffness[:, i], column, atol=1e-5 * np.abs(load.stiffness).max())
