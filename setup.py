@@ -66,6 +66,7 @@ setup(
             *TEST,
             *CLUSTER,
             *MESH,
+            "pytest>=9",
             "pytest-xdist>=3.6",
             "rosbags",
             "colcon-common-extensions",

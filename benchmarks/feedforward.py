@@ -88,8 +88,10 @@ class Run:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for name in list(self._processes):
-            self.kill(name)
+        for process in self._processes.values():
+            process.terminate()
+        for process in self._processes.values():
+            process.wait(30.0)
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()

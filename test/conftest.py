@@ -11,6 +11,7 @@ import os
 import shutil
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -53,13 +54,17 @@ APART = ("test_zoo.py", "test_hose_paths.py")
 """Long files whose tests share nothing: each test goes to the process that is free."""
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With `--dist loadgroup`, the tests of a file stay together, for the sake of the fixtures they share."""
-    if not config.pluginmanager.hasplugin("xdist"):
-        return
-    for item in items:
-        file = item.path.relative_to(FOLDER).as_posix()
-        if file not in APART:
-            group = "nodes" if file.startswith(STARTS_NODES) else file
-            item.add_marker(pytest.mark.xdist_group(group))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """The tests of a file stay together, for the sake of the fixtures they share.
+
+    By our own hand: `--dist loadgroup` of pytest-xdist 3.8 forgets its groups, in silence, under pytest 9.2.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::")[0].removeprefix(f"{FOLDER.name}/")
+            return nodeid if file in APART else "nodes" if file.startswith(STARTS_NODES) else file
+
+    return ByFile(config, log)

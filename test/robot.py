@@ -30,6 +30,8 @@ TIMEOUT = 90.0  # s; a first start compiles
 LEAVES = 0.2
 """s in which the middleware hears that the node has left: in taking down a participant while another one
 leaves, Fast DDS has ended in a segmentation fault."""
+WITHOUT_SHARED_MEMORY = "FASTDDS_BUILTIN_TRANSPORTS", "UDPv4"
+"""For tests that kill a node: what it had locked there stays locked, and whoever it talked to may hang."""
 NODE = "/cable_node"
 CABLE = f"{NODE}/camera_cable"
 PUBLISHED = {
@@ -38,6 +40,16 @@ PUBLISHED = {
     f"{CABLE}/polyline": "nav_msgs/msg/Path",
     f"{NODE}/joint_load": "sensor_msgs/msg/JointState",
 }
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    """Ask a node to end, and wait for it: see `WITHOUT_SHARED_MEMORY`."""
+    process.terminate()
+    try:
+        process.communicate(timeout=30.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
 
 
 class Robot:
@@ -91,9 +103,7 @@ class Robot:
 
     def close(self) -> None:
         """Leave nothing behind, not even a node that does not end."""
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.communicate()
+        end(self.process)
         time.sleep(LEAVES)
         self.executor.shutdown()
         self.node.destroy_node()

@@ -13,6 +13,8 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not on this machine")
 pytest.importorskip("pinocchio", reason="the arm's kinematics need Pinocchio")
 
+from robot import WITHOUT_SHARED_MEMORY
+
 ROOT = Path(__file__).parents[2]
 TIMEOUT, RAMP, STEP = 0.1, 0.5, 0.005  # s
 
@@ -90,8 +92,9 @@ def test_a_clock_that_went_back_makes_an_answer_old(logic):
 
 
 @pytest.mark.timeout(300)
-def test_a_weak_joint_errs_less_and_is_left_alone_when_the_node_dies():
+def test_a_weak_joint_errs_less_and_is_left_alone_when_the_node_dies(monkeypatch):
     """In real time, which other tests beside it may take: one of three attempts has to do."""
+    monkeypatch.setenv(*WITHOUT_SHARED_MEMORY)
     for left in (2, 1, 0):
         try:
             lead_a_weak_joint()

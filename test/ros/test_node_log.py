@@ -15,7 +15,7 @@ from log_readers import READERS
 pytest.importorskip("rclpy", reason="rclpy is not on this machine")
 pytest.importorskip("pinocchio", reason="the arm's kinematics need Pinocchio")
 
-from robot import CABLE, NODE, PUBLISHED, Robot
+from robot import CABLE, NODE, PUBLISHED, WITHOUT_SHARED_MEMORY, Robot
 
 from cable_ros.cli.main import main
 from cable_ros.log.reader import LogReader
@@ -64,7 +64,8 @@ def test_the_run_is_solved_again_bit_for_bit(run, capsys):
     assert f"camera_cable start: {count} of {count} wrenches bit for bit" in printed
 
 
-def test_a_killed_node_loses_at_most_a_second(tmp_path):
+def test_a_killed_node_loses_at_most_a_second(tmp_path, monkeypatch):
+    monkeypatch.setenv(*WITHOUT_SHARED_MEMORY)
     path = tmp_path / "run.mcap"
     with Robot(log__enabled="true", log__path=path) as robot:
         robot.move(0.0)

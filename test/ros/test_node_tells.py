@@ -22,7 +22,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
-from robot import TIMEOUT
+from robot import TIMEOUT, end
 
 CABLE_ENTRY = "cable_node: camera_cable"
 
@@ -63,8 +63,7 @@ class Listener:
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self.process.kill()
-        self.process.communicate()
+        end(self.process)
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()

@@ -22,7 +22,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot import TIMEOUT
+from robot import TIMEOUT, end
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
@@ -112,9 +112,7 @@ class Cell:
 
     def close(self):
         for process in self.nodes.values():
-            if process.poll() is None:
-                process.kill()
-                process.communicate()
+            end(process)
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
