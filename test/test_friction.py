@@ -219,3 +219,48 @@ def test_a_lying_cable_led_sideways_and_back_in_more_poses_has_the_same_wrench()
     assert {one.status for one in (*few, *many)} == {Status.CONVERGED}
     off = [error(a.end_wrench, b.end_wrench) for a, b in zip(few, many[::4], strict=True)]
     assert max(off) < 0.01
+
+
+def over_moving_beams() -> Tracker:
+    """A cable across two rough beams whose edges are sharper than its steps are long."""
+    joints = ("across", "prismatic", "0 1 0"), ("along", "prismatic", "1 0 0"), ("turn", "revolute", "0 0 1")
+    links = "world", "rail", "slide", "body"
+    urdf = "".join(f'<link name="{link}"/>' for link in links) + "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<axis xyz="{axis}"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for (name, kind, axis), parent, child in zip(joints, links[:-1], links[1:], strict=True)
+    )
+    beams = [
+        {
+            "name": f"beam {k}",
+            "box": {"center": [x, 0.0, -0.35], "size": [0.04, 1.0, 0.3]},
+            "friction": 0.8,
+            "link": "body",
+        }
+        for k, x in enumerate((-0.1, 0.1))
+    ]
+    low, high = np.sin(np.pi / 8.0), np.cos(np.pi / 8.0)
+    cable = {
+        "name": "cable", "length": 1.0, "stiffness": [0.01, 0.01, 0.0075], "linear_density": 0.0051,
+        "outer_diameter": 0.01,
+        "start": {"position": [-0.3, 0.0, 0.05], "orientation": [0.0, high, 0.0, low]},
+        "end": {"position": [0.3, 0.0, 0.05], "orientation": [0.0, low, 0.0, high]},
+    }  # fmt: skip
+    scene = {"gravity": [0.0, 0.0, -9.81], "obstacles": beams, "cables": [cable]}
+    return Tracker(load_scene(scene, urdf=f'<robot name="beams">{urdf}</robot>'))
+
+
+@pytest.mark.parametrize(("joint", "step"), [("across", 0.005), ("along", 0.002), ("turn", 0.01)])
+def test_a_step_over_obstacles_that_move_takes_few_iterations(joint, step):
+    """A tangent step that leaves out the motion of what it slips over took a thousand."""
+    tracker = over_moving_beams()
+    joints = {"across": 0.0, "along": 0.0, "turn": 0.0}
+    sliding = 0
+    for k in range(12):
+        (found,) = tracker.solve({**joints, joint: k * step}).values()
+        assert found.status is Status.CONVERGED, found.message
+        slides = sum(contact.sliding for contact in found.contacts)
+        if slides == 2 == sliding:  # Newton's method: some iterations, each of which squares the error
+            assert found.iterations <= 8
+        sliding = slides
+    assert sliding == 2

@@ -175,6 +175,11 @@ FOUND = {
     (96, 44): "a cable to and fro on a rough ground",
     (96, 48): "a cable up and down two rough beams",
     (96, 106): "a fold of a cable on smooth ground, from where it slides far",
+    (100, 10): "a table edge drawn across under a cable, in five poses",
+    (100, 21): "two rough beams drawn across under a light cable",
+    (100, 55): "a heavy cable slips through over two smooth beams",
+    (100, 57): "a lifted hose led about: its grid becomes finer in time",
+    (100, 74): "a rough beam that a cable slides over comes back",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

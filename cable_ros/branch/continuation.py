@@ -207,7 +207,9 @@ def continue_branch(
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)
         force = forces[-1][1]
-        taut_at = at if len(forces) == 1 and force >= taut_force else _taut_at(forces)
+        # a grid does not resolve how a taut cable bends, and may fail on the way back as well
+        known = len(forces) == 1 and force >= taut_force and not rod.on_grid
+        taut_at = at if known else _taut_at(forces)
         if rod.touches and taut_at < at + NEARLY * (1.0 - at):
             rod.patience = 0  # a search without contact forces does not get farther
             rod.refactor(q, F)

@@ -164,7 +164,7 @@ class TrackedEquilibrium(CableModel):
         else:
             self._off_grid.shorten()
         rod = self._rod
-        due = rod.rotation == 0.0 or not self._estimate <= self.tolerance or rod.friction_changed()
+        due = rod.rotation == 0.0 or not self._estimate <= self.tolerance or rod.contact_changed()
         if due and not rod.on_grid:
             more, problem = self._refine(rod)
             iterations, rod = iterations + more, self._rod

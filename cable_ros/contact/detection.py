@@ -25,6 +25,8 @@ from cable_ros.contact.points import (
     OBSTACLE,
     POINT,
     SAMPLE,
+    SHIFT,
+    SWINGS,
     add,
     remove,
 )
@@ -34,6 +36,8 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 BESIDE = 0.25
 """Distance from a contact point, in spacings, within which a minimum is that of a cable nearly flat there."""
+MANY = 3.0
+"""Swings in a row of a point that becomes a patch."""
 LONG = 4.0
 """Length inside an obstacle, in spacings, above which contact is a patch, not a point."""
 
@@ -65,6 +69,15 @@ def flatten(shape, spacing, obstacles, give, points, count):
             if curvature >= 0.0:
                 # or, if it alternates between two minima, at the maximum between them
                 s, curvature, half = ridge(shape, points[i, ARC_LENGTH], spacing, obstacles[o])
+            if points[i, SWINGS] >= MANY:
+                # between the places where it swings to and fro the cable begins to lie on the surface
+                half = min(0.5 * abs(points[i, SHIFT]), spacing)
+                s = points[i, ARC_LENGTH] - (half if points[i, SHIFT] > 0.0 else -half)
+                points[i, ARC_LENGTH] = s
+                count = make_patch(points, count, o, max(s - half, 0.0), min(s + half, 1.0))
+                changed = True
+                i = 0
+                continue
             if curvature < 0.0 and -2.67 * curvature**3 > give * P**2:
                 points[i, ARC_LENGTH] = s
                 half = half_patch(s, curvature, P, half)

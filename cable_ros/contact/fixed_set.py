@@ -48,8 +48,9 @@ DEEPEST = 1e-5
 """Maximum depth inside an obstacle of an equilibrium, L."""
 FRICTION_SHORTENS = 0.4
 """Length of elements along a patch with friction over that along others."""
-CHANGED = 0.1
-"""Relative change of friction after which its error is estimated again."""
+CHANGED, SHIFTED = 0.1, 1e-3
+"""Relative change of friction, and motion of a contact point along the cable, L, after which the error is
+estimated again."""
 LEVEL = 1e-6
 """Maximum angle, rad, between a plane and a clamp's tangent that is along it."""
 START = 0.2
@@ -92,7 +93,8 @@ class FixedSetRod(Rod):
         self.direction, self.presliding = np.zeros(3), 0.0  # see `contact_state.History`
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
-        self.friction_then = 0.0  # `_patch_friction` when `friction_error` was last computed
+        # `_patch_friction` and the contact points' arc lengths when `friction_error` was last computed
+        self.friction_then, self.arc_lengths_then = 0.0, np.zeros(0)
         self.settled: np.ndarray | None = None  # the shape at which the gradient with contact was computed
         self.gaps, self.normals = np.zeros(ROWS), np.zeros((CAPACITY, 3))
         super().__init__(mesh, stiffness, natural, **more)
@@ -396,6 +398,7 @@ class FixedSetRod(Rod):
         free to move sideways depends on it.
         """
         self.friction_then = self._patch_friction()
+        self.arc_lengths_then = self.points[: self.count, ARC_LENGTH].copy()
         if self.friction_then == 0.0:
             return 0.0
         friction = self.points[: self.count, FRICTION : FRICTION + 3]
@@ -407,10 +410,13 @@ class FixedSetRod(Rod):
         friction[:] = kept
         return float(relative_change(change, np.concatenate((F, self.g[-1])), self.least))
 
-    def friction_changed(self) -> bool:
-        """Whether friction along patches has changed much since `friction_error` was computed."""
+    def contact_changed(self) -> bool:
+        """Whether contact points or friction along patches have changed much since `friction_error`."""
         if self.count == 0 or self.model == FRICTIONLESS:
             return False
+        if not self.has_patch:
+            before, here = self.arc_lengths_then, self.points[: self.count, ARC_LENGTH]
+            return len(before) != len(here) or bool(np.abs(here - before).max() > SHIFTED)
         now, then = self._patch_friction(), self.friction_then
         return abs(now - then) > CHANGED * max(now, then)
 

@@ -13,7 +13,17 @@ from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.interfaces import place_points
 from cable_ros.contact.patch_ends import move_ends, shrink
 from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
-from cable_ros.contact.points import BEFORE, FORCE, FRICTION, KIND, POINT, SAMPLE, SLOPE_ROW, STICK_ROW
+from cable_ros.contact.points import (
+    BEFORE,
+    FORCE,
+    FRICTION,
+    KIND,
+    POINT,
+    SAMPLE,
+    SLOPE_ROW,
+    STICK_ROW,
+    SWINGS,
+)
 from cable_ros.contact.stretched import trace
 from cable_ros.linalg import banded
 from cable_ros.linalg.bordered import (
@@ -126,6 +136,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     for i in range(points.shape[0]):
         for a in range(3):
             points[i, BEFORE + a] = points[i, FRICTION + a]
+        points[i, SWINGS] = 0.0
     copy_rows(q, q_new)
     copy(F, F_new)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[q.shape[0] - 1]), qe))

@@ -25,6 +25,7 @@ from cable_ros.contact.points import (
     SAMPLE,
     SHIFT,
     SLOPE_ROW,
+    SWINGS,
     add,
     remove,
 )
@@ -38,6 +39,10 @@ ROOM = 0.45
 CREEP = 0.3
 """An end that moves at least this fraction of its last motion again is sent to the limit of the geometric
 series of such motions."""
+BACK = 0.9
+"""Motion back over the last motion from which a point swings: Newton's method leads it to no place."""
+SLIGHT = 1e-4
+"""The least of such a motion, in spacings."""
 FAINT = 1e-3
 """Force, EI / L^2, below which its lever is taken for that of this force."""
 
@@ -72,6 +77,8 @@ def move_ends(points, count, y, spacing):
         if points[i, FORCE] < 0.0 and points[i, KIND] != POINT:
             shift = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
         last, points[i, SHIFT] = points[i, SHIFT], shift
+        back_again = shift * last < 0.0 and abs(shift) > max(BACK * abs(last), SLIGHT * spacing)
+        points[i, SWINGS] = points[i, SWINGS] + 1.0 if back_again else 0.0
         if CREEP * last * last < shift * last < last * last:
             shift, points[i, SHIFT] = shift / (1.0 - shift / last), 0.0
         shift = min(max(shift, -STRIDE * spacing), STRIDE * spacing)

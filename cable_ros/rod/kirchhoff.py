@@ -393,6 +393,6 @@ class Rod:
         """What friction adds to `relative_error`; see `FixedSetRod`."""
         return 0.0
 
-    def friction_changed(self) -> bool:
+    def contact_changed(self) -> bool:
         """Whether `friction_error` should be asked again; see `FixedSetRod`."""
         return False
