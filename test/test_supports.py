@@ -18,12 +18,14 @@ from test_clips import clipped_arm, load_at
 from test_ends import END, GRAVITY, START, mapping
 
 from cable_ros import Tracker
+from cable_ros.branch.cold_start import settle
 from cable_ros.branch.coupling import PER, assemble, residual_of
 from cable_ros.branch.enumeration import branches
 from cable_ros.cli.main import main
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.joint import joint_load
 from cable_ros.log.reader import LogReader
+from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.scene import SceneError, load_scene
 from cable_ros.scene.text import parse_yaml
 from cable_ros.share import share_file
@@ -263,6 +265,35 @@ def test_wrenches_meet_the_tolerance_and_so_does_their_estimate():
             ours, true = getattr(found, name), getattr(exact, name)
             assert np.linalg.norm((ours - true)[:3]) <= tolerance * np.linalg.norm(true[:3])
             assert np.linalg.norm((ours - true)[3:]) <= tolerance * np.linalg.norm(true[3:])
+
+
+@pytest.mark.parametrize("kinds", [("pin",), ("ring",), ("tube",), ("ring", "pin"), ("ring", "tube")])
+@pytest.mark.parametrize("order", [2, 3])
+def test_wrenches_converge_with_twice_the_order_of_the_elements(kinds, order):
+    """All pieces on equal elements, balanced again; what they share converges with them."""
+    tracker, _ = tracked(away(kinds), 1e-10)
+    (coupled,), none = tracker._coupled, np.zeros(0)
+    mounts = tracker.kinematics.poses(none)[coupled.which]
+    fine = [(piece.rod, piece.q, piece.end_force) for piece in coupled.pieces]
+
+    def shared() -> np.ndarray:
+        ends = np.concatenate([piece.ends().wrenches for piece in coupled.pieces])
+        return np.concatenate([ends, coupled.arcs])
+
+    exact, errors = shared(), []
+    state = coupled.state
+    for elements in (4, 8):
+        mesh = Mesh(reference_element(order), np.full(elements, 1.0 / elements))
+        for piece, (rod, q, F) in zip(coupled.pieces, fine, strict=True):
+            coarse = rod.variant(mesh)
+            settled = settle(coarse, rod.mesh.interpolate(q, mesh.nodes), F)
+            piece._rod, piece._q, piece._F = settled.rod, settled.q, settled.F
+        coupled._inverse = None
+        balanced = coupled._newton(tracker.kinematics, none, mounts, state)
+        assert balanced is not None
+        coupled._accept(none, balanced)
+        errors.append(np.linalg.norm(shared() - exact))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * order, abs=0.6)
 
 
 def supported_arm(kind: str, link: str | None, **fields: Any) -> dict[str, Any]:
