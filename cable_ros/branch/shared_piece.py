@@ -31,7 +31,7 @@ MOST_TURN = 0.35
 """Maximum rotation of a section in one attempt, rad."""
 STALLED = 10.0
 """Algebraic tolerance of a piece in which rounding is larger, over the usual one."""
-LENGTHENED = 1e-4
+LENGTHENED = 1e-3
 """Relative change of the length after which a piece is judged again, also if no section has turned."""
 
 
@@ -63,8 +63,9 @@ class SharedPiece(CableTracker):
     _length: float | None = None
     _judged_length = np.nan
     """m, at which it was last known to be stable."""
-    _renewed = False
-    """Whether its factors have been renewed since the last result."""
+    _turned = np.nan
+    """Rotation, rad, after which its factors were renewed since the last result; inf: not known. NaN: they
+    were not."""
     _spent = 0
     """Iterations since the last result."""
 
@@ -126,8 +127,7 @@ class SharedPiece(CableTracker):
             rod.ready = False
         rod.set_conditions(there.qe, there.re, there.f, there.obstacles)
         self._q, self._F, self._joints = kept.q, kept.F, kept.joints
-        rod.refactor(self._q, self._F)
-        self._judged_length = kept.length
+        self._stable()
 
     def attempt(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
         """Follow the branch to a place nearby in one step; if not, nothing has moved."""
@@ -153,8 +153,12 @@ class SharedPiece(CableTracker):
             if code == warm_step.ADVANCED:
                 self._q, self._F, self._joints = q, F, joints
                 self._spent += iterations
-                self._renewed |= rod.rotation == 0.0
-                if kept is None or self._stable():
+                if rod.rotation == 0.0:
+                    self._turned = np.fmax(self._turned, rod.rotation_before)
+                if kept is None:
+                    return True
+                if self._stable():
+                    self._turned = np.inf
                     return True
                 self.put_back(kept)
                 return False
@@ -165,8 +169,10 @@ class SharedPiece(CableTracker):
         """Whether the present equilibrium is a minimum, by factors made there."""
         rod = self._rod
         assert rod is not None
-        self._judged_length, self._renewed = self.length, True
-        return rod.refactor(self._q, self._F)
+        stable = rod.refactor(self._q, self._F)
+        if stable:
+            self._judged_length = self.length
+        return stable
 
     def resolve(self) -> bool:
         """Solve the present equilibrium to the tolerance if that has changed; whether it is still there."""
@@ -202,8 +208,10 @@ class SharedPiece(CableTracker):
     def publish(self, poses: np.ndarray, begin: float) -> Equilibrium:
         """The result of the present equilibrium, on a better mesh if it needs one."""
         iterations, self._spent = self._spent, 0
-        if self._renewed and self._stable():  # margin and error estimate are those of fresh factors
-            self._renewed = False
+        if not np.isnan(self._turned) and self._stable():
+            # margin and error estimate are renewed with the factors
+            assert self._rod is not None
+            self._rod.rotation_before, self._turned = self._turned, np.nan
         return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
 
     def energy(self, poses: np.ndarray) -> float:
