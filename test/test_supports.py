@@ -467,6 +467,43 @@ def test_friction_holds_until_the_tensions_differ_by_mu_times_the_force_across()
     assert slid > 20
 
 
+@pytest.mark.parametrize("turn", [-0.08, -0.05])
+def test_friction_is_that_of_shooting_where_it_slides_and_where_it_sticks(turn):
+    """Led to `turn` it slides, so that the tensions differ by mu times the force across; a little way back it
+    sticks: the cable is as on a pin at the arc length where it turned round.
+    """
+    values, mu = parse_yaml(rubbing(0.3).text, "scene"), 0.3
+    (cable,) = values["cables"]
+    cable["end"].pop("link")
+    home = np.array(cable["end"]["position"])
+    (ring,) = (one["ring"] for one in cable["supports"])
+    tracker = Tracker(rubbing(mu), tolerance=1e-9)
+    for x in np.linspace(0.0, turn, 21):
+        tracker.arrive({"slide": x})
+    arcs = []
+    for x in (turn, turn + 1e-3):
+        found = tracker.arrive({"slide": x})["c"]
+        assert found.status is Status.CONVERGED, found.message
+        arcs.append(tracker._coupled[0].arcs[0])
+        cable["end"]["position"] = (home - [0.0, 0.0, x]).tolist()
+        before, after = tensions(tracker)
+        slides = x == turn
+        held = supported.Held(
+            np.array(ring["position"]), slides, float(np.copysign(mu, after - before)) if slides else 0.0
+        )
+        mine = [
+            -Rotation.from_euler("xyz", cable[end]["rpy"]).apply(wrench.reshape(2, 3)).ravel()
+            for end, wrench in (("start", found.start_wrench), ("end", found.end_wrench))
+        ]
+        force = -found.support_wrenches["r"][None, :3]
+        guess = supported.Solution(*mine, force, np.array(arcs[-1:]), np.zeros((1, 3)))
+        exact = supported.solve(cable, np.array([0.0, 0.0, -GRAVITY]), [held], guess)
+        for ours, true in ((mine[0], exact.start), (mine[1], exact.end), (force, exact.forces)):
+            np.testing.assert_allclose(ours, true, atol=1e-6 * np.abs(exact.forces).max())
+        assert arcs[-1] == pytest.approx(exact.arcs[0], abs=1e-7)
+    assert arcs[1] == pytest.approx(arcs[0], abs=1e-9)
+
+
 def test_a_path_told_in_more_steps_ends_in_the_same_place():
     """Where it slides on, friction is that of the pose; where it sticks, that of where it turned back."""
     ends = {}
