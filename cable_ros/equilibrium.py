@@ -234,7 +234,7 @@ class Equilibrium:
         """What the cable exerts on the body of each support, by its name.
 
         (6,) force [N], then moment [N m] about the support's point, along the axes of its frame. What it
-        releases is exactly zero: the moment of a pin and of a ring.
+        releases is exactly zero: the moment of a pin and of a ring, that about the axis of a tube.
         """
         sides = zip(self._supports, self._pieces, self._pieces[1:], strict=False)
         return {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pins and rings between the ends: against shooting, closed forms and themselves seen otherwise."""
+"""Pins, rings and tubes between the ends: against shooting, closed forms and themselves seen otherwise."""
 
 from __future__ import annotations
 
@@ -18,12 +18,14 @@ from test_clips import clipped_arm, load_at
 from test_ends import END, GRAVITY, START, mapping
 
 from cable_ros import Tracker
+from cable_ros.branch.cold_start import settle
 from cable_ros.branch.coupling import PER, assemble, residual_of
 from cable_ros.branch.enumeration import branches
 from cable_ros.cli.main import main
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.joint import joint_load
 from cable_ros.log.reader import LogReader
+from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.scene import SceneError, load_scene
 from cable_ros.scene.text import parse_yaml
 from cable_ros.share import share_file
@@ -53,7 +55,11 @@ def tensions(tracker: Tracker, which: int = 0) -> np.ndarray:
 PLAIN = mapping(START, END, weight=30.0)
 FREE = Tracker(PLAIN, tolerance=1e-9, polyline_points=POINTS).arrive({})["c"]
 AWAY = [(30, [0.01, -0.015, 0.02]), (65, [-0.01, 0.02, 0.01])]
-KINDS = [("pin",), ("ring",), ("pin", "ring"), ("ring", "pin"), ("ring", "ring"), ("pin", "pin")]
+TILT = [0.1, -0.05, 0.0]
+KINDS = [
+    ("pin",), ("ring",), ("pin", "ring"), ("ring", "pin"), ("ring", "ring"), ("pin", "pin"),
+    ("tube",), ("tube", "tube"), ("ring", "tube"),
+]  # fmt: skip
 
 
 def away(kinds: tuple[str, ...], **fields: Any) -> dict[str, Any]:
@@ -62,9 +68,23 @@ def away(kinds: tuple[str, ...], **fields: Any) -> dict[str, Any]:
     return mapping(START, END, weight=30.0, **fields) | {} if not kinds else _with(names, kinds, fields)
 
 
+def axis(kind: str, k: int, tilt: Any) -> dict[str, Any]:
+    """The orientation of a tube at a point of the plain cable, turned by `tilt`; of others none."""
+    if kind != "tube":
+        return {}
+    own = Rotation.from_quat(FREE.orientations[k]) * Rotation.from_rotvec(tilt)
+    return {"orientation": own.as_quat().tolist()}
+
+
+def axes_of(support: dict[str, Any]) -> Rotation:
+    """Of the wrench of a support."""
+    (fields,) = (value for key, value in support.items() if key != "name")
+    return Rotation.from_quat(fields.get("orientation", [0.0, 0.0, 0.0, 1.0]))
+
+
 def _with(names: list[str], kinds: tuple[str, ...], fields: dict[str, Any]) -> dict[str, Any]:
     supports = [
-        support(kind, name, k / 100, FREE.points[k] + shift)
+        support(kind, name, k / 100, FREE.points[k] + shift, **axis(kind, k, TILT))
         for name, kind, (k, shift) in zip(names, kinds, AWAY, strict=False)
     ]
     return mapping(START, END, weight=30.0, supports=supports, **fields)
@@ -79,7 +99,9 @@ def test_wrenches_are_those_of_shooting_over_the_whole_cable(kinds, natural):
     (cable,) = scene["cables"]
     names = [one["name"] for one in cable["supports"]]
     held = [
-        supported.Held(np.array(one[kind]["position"]), kind == "ring")
+        supported.Held(
+            np.array(one[kind]["position"]), kind == "ring", tube=axes_of(one) if kind == "tube" else None
+        )
         for one, kind in zip(cable["supports"], kinds, strict=True)
     ]
     turns = [Rotation.from_euler("xyz", cable[end]["rpy"]) for end in ("start", "end")]
@@ -87,23 +109,27 @@ def test_wrenches_are_those_of_shooting_over_the_whole_cable(kinds, natural):
         -np.concatenate([turn.apply(w[:3]), turn.apply(w[3:])])
         for turn, w in zip(turns, (found.start_wrench, found.end_wrench), strict=True)
     ]
-    forces = np.array([-found.support_wrenches[name][:3] for name in names])
+    forces = np.array(
+        [-axes_of(one).apply(found.support_wrenches[one["name"]][:3]) for one in cable["supports"]]
+    )
+    moments = np.array([-found.support_wrenches[name][3:] for name in names])
     arcs = tracker._coupled[0].arcs
-    guess = supported.Solution(mine[0] * (1 + 1e-3), mine[1], forces * (1 + 1e-3), arcs.copy())
+    guess = supported.Solution(mine[0] * (1 + 1e-3), mine[1], forces * (1 + 1e-3), arcs.copy(), moments)
     exact = supported.solve(cable, np.array([0.0, 0.0, -GRAVITY]), held, guess)
     for one, other in ((mine[0], exact.start), (mine[1], exact.end)):
         for part in (slice(0, 3), slice(3, 6)):
             np.testing.assert_allclose(one[part], other[part], atol=1e-6 * np.linalg.norm(other[part]))
     np.testing.assert_allclose(forces, exact.forces, atol=1e-6 * np.abs(exact.forces).max())
+    np.testing.assert_allclose(moments, exact.moments, atol=1e-6 * max(1e-3, np.abs(exact.moments).max()))
     np.testing.assert_allclose(arcs, exact.arcs, atol=1e-8)
-    for wrench in found.support_wrenches.values():
-        assert not wrench[3:].any()
+    for kind, wrench in zip(kinds, found.support_wrenches.values(), strict=True):
+        assert not wrench[5 if kind == "tube" else slice(3, 6)].any()
 
 
 @pytest.mark.parametrize("kinds", KINDS)
 def test_a_support_where_the_cable_is_anyway_changes_nothing(kinds):
     supports = [
-        support(kind, f"s{i}", k / 100, FREE.points[k])
+        support(kind, f"s{i}", k / 100, FREE.points[k], **axis(kind, k, [0.0, 0.0, 0.4]))
         for i, (kind, (k, _)) in enumerate(zip(kinds, AWAY, strict=False))
     ]
     _, found = tracked(mapping(START, END, weight=30.0, supports=supports), 1e-9)
@@ -121,15 +147,17 @@ def test_tangents_are_those_of_finite_differences(kinds):
     tracker, _ = tracked(away(kinds), 1e-10)
     (coupled,), none = tracker._coupled, np.zeros(0)
     mounts, state = tracker.kinematics.poses(none)[coupled.which], tracker._coupled[0].state
-    free = np.zeros(len(kinds))
-    exact = assemble(coupled.tangent(mounts, state).sides(), free).tangent
-    np.testing.assert_allclose(exact, exact.T, atol=1e-6 * np.abs(exact).max())
+    smooth = np.zeros(len(kinds))
+    exact = assemble(coupled.tangent(mounts, state).sides(), smooth).tangent
+    # rotations commute only where moments are in balance
+    free = exact[np.ix_(coupled.free, coupled.free)]
+    np.testing.assert_allclose(free, free.T, atol=1e-6 * np.abs(exact).max())
     for k in range(PER * len(kinds)):
         step = (1e-6 if k % PER == 3 else 1e-5) * np.eye(PER * len(kinds))[k]
         seen = []
         for sign in (1.0, -1.0):
             assert coupled._move(tracker.kinematics, none, mounts, state.moved(sign * step))
-            seen.append(residual_of([piece.ends() for piece in coupled.pieces], free))
+            seen.append(residual_of([piece.ends() for piece in coupled.pieces], smooth))
         column = (seen[0] - seen[1]) / (2.0 * step.max())
         np.testing.assert_allclose(exact[:, k], column, atol=2e-5 * np.abs(exact[:, k]).max())
 
@@ -143,9 +171,9 @@ def test_the_two_sides_of_a_frictionless_ring_have_one_tension_and_one_moment():
         np.testing.assert_allclose(ends[which].curvatures[1], ends[which + 1].curvatures[0], atol=1e-6)
 
 
-@pytest.mark.parametrize("kinds", [("ring",), ("ring", "ring")])
+@pytest.mark.parametrize("kinds", [("ring",), ("ring", "ring"), ("tube",), ("ring", "tube")])
 def test_the_configurational_force_is_one_from_end_to_end(kinds):
-    """F.t + m.K^-1 m / 2 and the weight's potential are an integral of the rod, and of frictionless rings."""
+    """F.t + m.K^-1 m / 2 and the weight's potential are one along it, rings and tubes included."""
     scene = away(kinds)
     _, found = tracked(scene, 1e-9)
     K = np.array(scene["cables"][0]["stiffness"])
@@ -167,7 +195,9 @@ def test_mirror_images_have_mirrored_wrenches(kinds):
         cable[end]["orientation"] = Rotation.from_matrix(flip @ own @ flip).as_quat().tolist()
         cable[end]["position"] = (flip @ cable[end]["position"]).tolist()
     for one, kind in zip(cable["supports"], kinds, strict=True):
+        own = axes_of(one).as_matrix()
         one[kind]["position"] = (flip @ one[kind]["position"]).tolist()
+        one[kind]["orientation"] = Rotation.from_matrix(flip @ own @ flip).as_quat().tolist()
     _, after = tracked(image, 1e-9)
     for name, wrench in before.support_wrenches.items():
         mirrored = flip @ after.support_wrenches[name][:3]
@@ -191,7 +221,7 @@ def test_a_rigid_motion_of_everything_changes_no_wrench(kinds):
         cable[end]["position"] = (turn.apply(cable[end]["position"]) + shift).tolist()
     for one, kind in zip(cable["supports"], kinds, strict=True):
         one[kind]["position"] = (turn.apply(one[kind]["position"]) + shift).tolist()
-        one[kind]["orientation"] = turn.as_quat().tolist()
+        one[kind]["orientation"] = (turn * axes_of(one)).as_quat().tolist()
     _, after = tracked(moved, 1e-9)
     size = np.abs(before.end_wrench).max()
     np.testing.assert_allclose(after.end_wrench, before.end_wrench, atol=1e-7 * size)
@@ -217,9 +247,11 @@ def test_a_cable_told_from_its_other_end_is_the_same(kinds):
     )
     for one, kind in zip(cable["supports"], kinds, strict=True):
         one[kind]["arc_length"] = 1.0 - one[kind]["arc_length"]
+        one[kind]["orientation"] = (axes_of(one) * flip).as_quat().tolist()
     _, after = tracked(back, 1e-9)
     for name, wrench in before.support_wrenches.items():
-        np.testing.assert_allclose(after.support_wrenches[name], wrench, atol=1e-6 * np.abs(wrench).max())
+        other = flip.apply(after.support_wrenches[name].reshape(2, 3)).ravel()
+        np.testing.assert_allclose(other, wrench, atol=1e-6 * np.abs(wrench).max())
     np.testing.assert_allclose(after.points[::-1], before.points, atol=1e-7)
     assert after.energy == pytest.approx(before.energy, rel=1e-8)
 
@@ -235,6 +267,35 @@ def test_wrenches_meet_the_tolerance_and_so_does_their_estimate():
             assert np.linalg.norm((ours - true)[3:]) <= tolerance * np.linalg.norm(true[3:])
 
 
+@pytest.mark.parametrize("kinds", [("pin",), ("ring",), ("tube",), ("ring", "pin"), ("ring", "tube")])
+@pytest.mark.parametrize("order", [2, 3])
+def test_wrenches_converge_with_twice_the_order_of_the_elements(kinds, order):
+    """All pieces on equal elements, balanced again; what they share converges with them."""
+    tracker, _ = tracked(away(kinds), 1e-10)
+    (coupled,), none = tracker._coupled, np.zeros(0)
+    mounts = tracker.kinematics.poses(none)[coupled.which]
+    fine = [(piece.rod, piece.q, piece.end_force) for piece in coupled.pieces]
+
+    def shared() -> np.ndarray:
+        ends = np.concatenate([piece.ends().wrenches for piece in coupled.pieces])
+        return np.concatenate([ends, coupled.arcs])
+
+    exact, errors = shared(), []
+    state = coupled.state
+    for elements in (4, 8):
+        mesh = Mesh(reference_element(order), np.full(elements, 1.0 / elements))
+        for piece, (rod, q, F) in zip(coupled.pieces, fine, strict=True):
+            coarse = rod.variant(mesh)
+            settled = settle(coarse, rod.mesh.interpolate(q, mesh.nodes), F)
+            piece._rod, piece._q, piece._F = settled.rod, settled.q, settled.F
+        coupled._inverse = None
+        balanced = coupled._newton(tracker.kinematics, none, mounts, state)
+        assert balanced is not None
+        coupled._accept(none, balanced)
+        errors.append(np.linalg.norm(shared() - exact))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * order, abs=0.6)
+
+
 def supported_arm(kind: str, link: str | None, **fields: Any) -> dict[str, Any]:
     """The arm whose cable goes through a pin or ring where its middle is at 0.3 rad."""
     scene = clipped_arm(link)
@@ -244,7 +305,7 @@ def supported_arm(kind: str, link: str | None, **fields: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("link", ["turret", None])
-@pytest.mark.parametrize("kind", ["pin", "ring"])
+@pytest.mark.parametrize("kind", ["pin", "ring", "tube"])
 def test_joint_load_counts_supports_by_virtual_work(kind, link):
     tracker = Tracker(supported_arm(kind, link), tolerance=1e-9)
     (name,) = tracker.joint_names
@@ -257,7 +318,7 @@ def test_joint_load_counts_supports_by_virtual_work(kind, link):
     assert slope == pytest.approx((after - before) / (2 * step), rel=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["pin", "ring"])
+@pytest.mark.parametrize("kind", ["pin", "ring", "tube"])
 def test_clamp_stiffness_is_that_of_finite_differences(kind):
     scene = away((kind,))
     _, found = tracked(scene, 1e-10)
@@ -291,11 +352,12 @@ def on_cart(kind: str, end: dict[str, Any] | None = None, **fields: Any) -> dict
     """The cable of `rubbing` with its support on the cart, and another end, fixed in the world."""
     scene = parse_yaml(rubbing(0.0).text, "scene")
     (cable,) = scene["cables"]
+    along = {"rpy": [0.0, 2.0, 0.1]} if kind == "tube" else {}
     del cable["end"]["link"]
     if end is not None:
         free = end["kind"] == "free"
         cable["end"] = end if free else cable["end"] | end
-    cable["supports"] = [support(kind, "r", 0.42, [0.38, 0.02, -0.02], link="cart")]
+    cable["supports"] = [support(kind, "r", 0.42, [0.38, 0.02, -0.02], link="cart", **along)]
     cable |= fields
     return scene
 
@@ -315,9 +377,9 @@ def slopes(tracker: Tracker, x: float) -> tuple[np.ndarray, np.ndarray]:
     return np.array([torque, slope]), np.array([(low - high) / (2 * step), (after - before) / (2 * step)])
 
 
-@pytest.mark.parametrize("kind", ["pin", "ring"])
+@pytest.mark.parametrize("kind", ["pin", "ring", "tube"])
 @pytest.mark.parametrize("end", HELD_ENDS)
-def test_ends_of_any_kind_go_with_pins_and_rings(end, kind):
+def test_ends_of_any_kind_go_with_supports(end, kind):
     tracker = Tracker(load_scene(on_cart(kind, HELD_ENDS[end]), urdf=SLIDER), tolerance=1e-8)
     exact, differences = slopes(tracker, 0.0)
     np.testing.assert_allclose(exact, differences, rtol=1e-5)
@@ -405,6 +467,43 @@ def test_friction_holds_until_the_tensions_differ_by_mu_times_the_force_across()
     assert slid > 20
 
 
+@pytest.mark.parametrize("turn", [-0.08, -0.05])
+def test_friction_is_that_of_shooting_where_it_slides_and_where_it_sticks(turn):
+    """Led to `turn` it slides, so that the tensions differ by mu times the force across; a little way back it
+    sticks: the cable is as on a pin at the arc length where it turned round.
+    """
+    values, mu = parse_yaml(rubbing(0.3).text, "scene"), 0.3
+    (cable,) = values["cables"]
+    cable["end"].pop("link")
+    home = np.array(cable["end"]["position"])
+    (ring,) = (one["ring"] for one in cable["supports"])
+    tracker = Tracker(rubbing(mu), tolerance=1e-9)
+    for x in np.linspace(0.0, turn, 21):
+        tracker.arrive({"slide": x})
+    arcs = []
+    for x in (turn, turn + 1e-3):
+        found = tracker.arrive({"slide": x})["c"]
+        assert found.status is Status.CONVERGED, found.message
+        arcs.append(tracker._coupled[0].arcs[0])
+        cable["end"]["position"] = (home - [0.0, 0.0, x]).tolist()
+        before, after = tensions(tracker)
+        slides = x == turn
+        held = supported.Held(
+            np.array(ring["position"]), slides, float(np.copysign(mu, after - before)) if slides else 0.0
+        )
+        mine = [
+            -Rotation.from_euler("xyz", cable[end]["rpy"]).apply(wrench.reshape(2, 3)).ravel()
+            for end, wrench in (("start", found.start_wrench), ("end", found.end_wrench))
+        ]
+        force = -found.support_wrenches["r"][None, :3]
+        guess = supported.Solution(*mine, force, np.array(arcs[-1:]), np.zeros((1, 3)))
+        exact = supported.solve(cable, np.array([0.0, 0.0, -GRAVITY]), [held], guess)
+        for ours, true in ((mine[0], exact.start), (mine[1], exact.end), (force, exact.forces)):
+            np.testing.assert_allclose(ours, true, atol=1e-6 * np.abs(exact.forces).max())
+        assert arcs[-1] == pytest.approx(exact.arcs[0], abs=1e-7)
+    assert arcs[1] == pytest.approx(arcs[0], abs=1e-9)
+
+
 def test_a_path_told_in_more_steps_ends_in_the_same_place():
     """Where it slides on, friction is that of the pose; where it sticks, that of where it turned back."""
     ends = {}
@@ -478,7 +577,7 @@ def test_a_short_piece_between_a_clamp_and_a_ring():
         for turn, w in ((first, found.start_wrench), (last, found.end_wrench))
     ]
     force = -found.support_wrenches["r"][None, :3]
-    guess = supported.Solution(mine[0], mine[1], force, np.array([arc]))
+    guess = supported.Solution(mine[0], mine[1], force, np.array([arc]), np.zeros((1, 3)))
     held = [supported.Held(where, True)]
     exact = supported.solve(scene["cables"][0], np.array([0.0, 0.0, -GRAVITY]), held, guess)
     np.testing.assert_allclose(force, exact.forces, rtol=1e-5)
@@ -538,10 +637,12 @@ def test_tables_and_logs_of_a_sweep_have_the_wrenches_at_supports(tmp_path):
     assert main(["replay", str(tmp_path / "t.mcap"), "--resolve", "--tolerance", "1e-6"]) == 0
 
 
-def test_the_example_of_the_page_is_held_by_its_pin_and_ring():
+def test_the_example_of_the_page_is_held_by_its_supports():
     page = Path(__file__).parents[1] / "docs" / "ends.md"
     *_, example = [block.text for block in blocks(page) if block.language == "yaml"]
-    tracker = Tracker(parse_yaml(example, str(page)), tolerance=1e-6, polyline_points=1001)
+    scene = parse_yaml(example, str(page))
+    supports = scene["cables"][0]["supports"]
+    tracker = Tracker(scene, tolerance=1e-6, polyline_points=1001)
     found = tracker.arrive({})["dress_pack"]
     assert found.status is Status.CONVERGED, found.message
     np.testing.assert_allclose(found.points[300], [0.28, 0.0, 0.02], atol=1e-6)
@@ -549,12 +650,14 @@ def test_the_example_of_the_page_is_held_by_its_pin_and_ring():
     assert np.linalg.norm(found.points[ring] - [0.58, 0.02, 0.08]) < 1e-3
     turn = Rotation.from_euler("y", np.pi / 2)
     total = turn.apply(found.start_wrench[:3] + found.end_wrench[:3])
-    total += sum(wrench[:3] for wrench in found.support_wrenches.values())
+    for fields, wrench in zip(supports, found.support_wrenches.values(), strict=True):
+        own = Rotation.from_euler("xyz", fields.get("tube", {}).get("rpy", [0.0, 0.0, 0.0]))
+        total += own.apply(wrench[:3])
     np.testing.assert_allclose(total, [0.0, 0.0, -0.2 * 9.81], atol=1e-5)
 
 
 MISTAKES = {
-    "supports[0]": ([{"name": "a"}], {}, "give one of clip, pin and ring, not 0"),
+    "supports[0]": ([{"name": "a"}], {}, "give one of clip, pin, ring and tube, not 0"),
     "supports[0].ring.friction": (
         [support("ring", "a", 0.3, [0.3, 0, 0], friction=-0.1)], {}, "must not be negative",
     ),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Balance at the pins and rings of a cable: Newton's method for what the pieces on both sides share."""
+"""Balance at pins, rings and tubes: Newton's method for what the pieces on both sides share."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cable_ros.branch.coupling import PER, Ends, System, assemble, judged, resid
 from cable_ros.branch.shared_piece import Kept, SharedPiece
 from cable_ros.rod import quaternion
 from cable_ros.scene import Cable, Kinematics
-from cable_ros.scene.model import RING
+from cable_ros.scene.model import TUBE
 
 ITERATIONS = 12
 """Maximum number of steps of Newton's method at the supports."""
@@ -49,7 +49,8 @@ class Balance:
     def __init__(self, run: Cable, pieces: Sequence[SharedPiece], first: int) -> None:
         self.run, self.pieces, self.first = run, tuple(pieces), first
         self.which = slice(first, first + len(pieces))
-        self._rings = np.array([support.kind == RING for support in run.supports])
+        self._guides = np.array([support.slides for support in run.supports])
+        self._tubes = np.array([support.kind == TUBE for support in run.supports])
         self._friction = np.array([support.friction for support in run.supports])
         self.reset()
 
@@ -59,7 +60,7 @@ class Balance:
         self._joints = self._origin = np.empty(0)
         self._kept: list[Kept] = []
         self._before: tuple[np.ndarray, Shared] | None = None  # the step before the last, for extrapolation
-        self._slides = np.zeros(len(self._rings), int)
+        self._slides = np.zeros(len(self._guides), int)
         self._inverse: np.ndarray | None = None
         self._spread: np.ndarray | None = None
         self._judged_at: np.ndarray | None = None
@@ -76,9 +77,10 @@ class Balance:
 
     @property
     def free(self) -> np.ndarray:
-        """(4 n,) which unknowns there are: all rotations, and the arc lengths in rings that do not stick."""
-        out = np.ones((len(self._rings), PER), bool)
-        out[:, 3] = self._rings & ((self._friction == 0.0) | (self._slides != 0))
+        """(4 n,) which unknowns there are: rotations, in a tube about its axis only, and arcs that slide."""
+        out = np.ones((len(self._guides), PER), bool)
+        out[self._tubes, :2] = False
+        out[:, 3] = self._guides & ((self._friction == 0.0) | (self._slides != 0))
         return out.ravel()
 
     @property
@@ -96,11 +98,6 @@ class Balance:
         """Remember the pieces' present equilibria."""
         self._kept = [piece.keep() for piece in self.pieces]
 
-    @property
-    def _stuck(self) -> np.ndarray:
-        """(n,) which arc lengths stay."""
-        return ~self.free.reshape(-1, PER)[:, 3]
-
     def _move(
         self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, to: Shared, fall: bool = False
     ) -> bool:
@@ -117,7 +114,7 @@ class Balance:
 
     @property
     def _least(self) -> float:
-        """Minimum length of a piece, m: a shorter one is a ring at a clamp."""
+        """Minimum length of a piece, m: a shorter one is a ring or tube at a clamp."""
         return max(1e-3 * self.run.length, 2.0 * self.run.radius)
 
     def _return(self) -> None:
@@ -151,7 +148,7 @@ class Balance:
         """(n,) which rings stick that slid, or slide that stuck; `origin` (n,): arc lengths before."""
         excess, signs = self._excess()
         switched = np.zeros(len(origin), bool)
-        for j in np.flatnonzero(self._rings & (self._friction > 0.0)):
+        for j in np.flatnonzero(self._guides & (self._friction > 0.0)):
             if self._slides[j]:
                 # the cable slides towards its end, and less of it is before the ring
                 if self._slides[j] * (found.arcs[j] - origin[j]) > LEAST * self.run.length:
@@ -163,7 +160,7 @@ class Balance:
     def _excess(self) -> tuple[np.ndarray, np.ndarray]:
         """(n,) difference of the tensions over the force across each ring, and (n,) its sign."""
         ends = [piece.ends() for piece in self.pieces]
-        out, signs = np.zeros(len(self._rings)), np.zeros(len(self._rings), int)
+        out, signs = np.zeros(len(self._guides)), np.zeros(len(self._guides), int)
         for j in range(len(out)):
             total = ends[j].wrenches[6:9] + ends[j + 1].wrenches[:3]
             difference = ends[j + 1].forces[0] - ends[j].forces[1]
@@ -250,7 +247,7 @@ class Balance:
 
     def scale(self) -> np.ndarray:
         """(4 n,) stiffness of straight pieces beside each support, N m and N / m."""
-        out = np.zeros((len(self._rings), PER))
+        out = np.zeros((len(self._guides), PER))
         for j in range(len(out)):
             for piece in self.pieces[j : j + 2]:
                 stiffness, length = piece.section.stiffness, piece.length
@@ -267,7 +264,7 @@ class Balance:
             return True
         tangent = self.tangent(mounts, state)
         sides, free = tangent.sides(), self.free
-        plain = assemble(sides, np.zeros(len(self._rings)))
+        plain = assemble(sides, np.zeros(len(self._guides)))
         margin = judged(plain.tangent, free, self.scale())
         if not margin > 0.0:
             return False

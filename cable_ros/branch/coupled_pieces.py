@@ -109,15 +109,15 @@ class CoupledPieces(Released):
             return None
         chords = np.linalg.norm(mounts[:, 1, :3] - mounts[:, 0, :3], axis=1)
         cuts = np.concatenate([[0.0], self.arcs, [self.run.length]])
-        fixed = [0, *(np.flatnonzero(~self._rings) + 1).tolist(), len(chords)]
+        fixed = [0, *(np.flatnonzero(~self._guides) + 1).tolist(), len(chords)]
         for a, b in itertools.pairwise(fixed):
             chord, length = float(chords[a:b].sum()), float(cuts[b] - cuts[a])
             if chord >= length:
-                way = "The way through its rings is" if b > a + 1 else "The distance between its supports is"
+                way = "way through its rings and tubes" if b > a + 1 else "distance between its supports"
                 more = (
                     f"{(chord - length) * 1e3:.4g} mm longer than" if chord - length > 1e-9 else "as long as"
                 )
-                return f"{way} {more} the cable there ({length:g} m).", a
+                return f"The {way} is {more} the cable there ({length:g} m).", a
         return None
 
     def _follow(self, kinematics: Kinematics, joints: np.ndarray, steps: int) -> tuple[int, str | None]:
@@ -186,7 +186,7 @@ class CoupledPieces(Released):
         if not 0.0 < ratio <= 2.0 or np.abs(step - ratio * last).max() > 0.1 * np.abs(step).max():
             return self.state
         change = ratio * self._before[1].step_to(self.state)
-        change.reshape(-1, PER)[self._stuck, 3] = 0.0
+        change[~self.free] = 0.0
         return self.state.moved(change)
 
     def _publish(
@@ -196,7 +196,7 @@ class CoupledPieces(Released):
         """The results of the pieces; `snapped`: a sentence if the cable did so on the way."""
         for _ in range(3):
             places = self.places(mounts)
-            if self._rings.any():
+            if self._guides.any():
                 share()
             meshes = [piece.mesh for piece in self.pieces]
             found = [

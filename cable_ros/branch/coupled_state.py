@@ -49,13 +49,14 @@ class Shared(NamedTuple):
         return [Place(poses[i], cuts[i + 1] - cuts[i]) for i in range(len(poses))]
 
 
-def first_guess(mounts: np.ndarray, arcs: np.ndarray, length: float) -> Shared:
+def first_guess(mounts: np.ndarray, arcs: np.ndarray, length: float, tubes: np.ndarray) -> Shared:
     """A state to start from: tangents of a smooth curve through all mounts, twisted evenly.
 
     Args:
         mounts: (n + 1, 2, 7) of the ends of the pieces, world.
         arcs: (n,) arc lengths, m.
         length: of the cable, m.
+        tubes: (n,) which supports are tubes: the tangent is along the z axis of the mount.
     """
     count = len(arcs)
     r = np.concatenate([mounts[:, 0, :3], mounts[-1:, 1, :3]])
@@ -66,6 +67,8 @@ def first_guess(mounts: np.ndarray, arcs: np.ndarray, length: float) -> Shared:
         sizes = np.linalg.norm(back), np.linalg.norm(ahead)
         # the nearer neighbour tells more
         tangent = back / max(sizes[0] ** 2, 1e-12) + ahead / max(sizes[1] ** 2, 1e-12)
+        if tubes[j - 1]:
+            tangent = quaternion.rotate(quaternion.from_ros(mounts[j, 0, 3:]), np.array([0.0, 0.0, 1.0]))
         size = float(np.linalg.norm(tangent))
         along = quaternion.rotate(before, np.array([0.0, 0.0, 1.0]))
         if size > 1e-9:
@@ -80,6 +83,9 @@ def first_guess(mounts: np.ndarray, arcs: np.ndarray, length: float) -> Shared:
         spun = quaternion.multiply(section, np.array([np.cos(half), 0.0, 0.0, np.sin(half)]))
         mount = quaternion.from_ros(mounts[j, 1, 3:])
         turns[j] = quaternion.multiply(quaternion.conjugate(mount), spun)
+        if tubes[j]:
+            turns[j, 1:3] = 0.0  # rounding, which nothing would take away
+            turns[j] /= np.linalg.norm(turns[j])
     return Shared(turns, arcs.copy())
 
 
@@ -88,7 +94,7 @@ def reachable(mounts: np.ndarray, arcs: np.ndarray, length: float, slides: np.nd
 
     Args:
         mounts, arcs, length: as in `first_guess`.
-        slides: (n,) which supports are rings.
+        slides: (n,) which supports are rings or tubes.
     """
     chords = np.linalg.norm(mounts[:, 1, :3] - mounts[:, 0, :3], axis=1)
     cuts = np.concatenate([[0.0], arcs, [length]])

@@ -2,13 +2,17 @@
 """The equations of the supports at which a cable turns and slides, and their exact derivatives.
 
 A support shares two things between the pieces on its two sides: the orientation of the section in it, and at
-a ring the arc length that is there. With the pieces' energies E_i(pose of both ends, length) an equilibrium
-is a stationary point of their sum:
+a ring or tube the arc length that is there. With the pieces' energies E_i(pose of both ends, length) an
+equilibrium is a stationary point of their sum:
 
 - by a rotation of the section: the moments of both pieces on the support are in balance;
 - by the arc length: so are the configurational forces, H = F.t + 1/2 m.K^-1 m + m.kappa0 on both sides, with
   the internal force F and moment m, the stiffness K and the natural strain kappa0. dE/dL = -H. As m is the
-  same on both sides, so is the tension F.t.
+  same on both sides of a ring, so is the tension F.t.
+
+A tube holds the direction of the section: the rotation about the tangent alone is free. It takes up bending
+moments, and so exerts a force along the cable, by which 1/2 m.K^-1 m differs on its two sides: the
+Eshelby-like force of a sliding sleeve (Bigoni, Dal Corso, Bosi and Misseroni 2015).
 
 The derivative of a piece's wrenches by its length follows from its clamp stiffness alone: a piece that goes
 on beyond its end as the solution does, dr = t ds, dR = R [kappa] ds, keeps its shape, and its end wrench
@@ -27,7 +31,8 @@ from cable_ros.linalg.cross import cross
 TANGENT = np.array([0.0, 0.0, 1.0])
 START, END = slice(0, 6), slice(6, 12)
 PER = 4
-"""Unknowns of a support: rotation of its section about the section's own axes, rad, and arc length, m."""
+"""Unknowns of a support: rotation of its section about the section's own axes, rad, and arc length, m. Those
+that it holds are there, too, and stay."""
 
 
 class Section(NamedTuple):

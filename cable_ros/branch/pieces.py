@@ -14,7 +14,7 @@ from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warni
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Overlap, Status
 from cable_ros.limits import Extreme
 from cable_ros.scene import Cable
-from cable_ros.scene.model import CLIP
+from cable_ros.scene.model import CLIP, PIN, RING, TUBE
 
 SEVERITY = (
     Status.CONVERGED, Status.SNAPPED, Status.UNFINISHED, Status.BRANCH_LOST, Status.NOT_CONVERGED,
@@ -23,8 +23,8 @@ SEVERITY = (
 """From the best to the worst: a cable is as well as its worst piece."""
 
 
-HELD = np.ones(6)
-RELEASED = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+TURNS = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+HELD = {CLIP: np.ones(6), PIN: TURNS, RING: TURNS, TUBE: np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.0])}
 """(6,) which components of its wrench a support may have."""
 
 
@@ -82,7 +82,7 @@ def joined(
         error_estimate=float(np.max([one.error_estimate for one in found])),
         iterations=sum(one.iterations for one in found), solve_time=sum(one.solve_time for one in found),
         overlaps=overlaps, _pieces=tuple(found),
-        _supports=tuple((one.name, HELD if one.kind == CLIP else RELEASED) for one in cable.supports),
+        _supports=tuple((one.name, HELD[one.kind]) for one in cable.supports),
         _mounts=mounts, _tangent=Together(found, cuts), _touching=partial(_contacts, found, cuts),
         _extremes=partial(_extremes, found, cuts),
     )  # fmt: skip

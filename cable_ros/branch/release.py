@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Descent of the energy by what supports share: from clips to pins and rings, and at a snap-through."""
+"""Descent of the energy by what supports share: from clips to what slides or turns, and at a snap-through."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cold start and snap-through of a cable with pins and rings: clips in their place are released."""
+"""Cold start and snap-through of a cable with pins, rings and tubes: clips in their place are released."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Released(Balance):
         Balance.reset(self)
         length = self.run.length
         arcs = np.array([support.arc_length for support in self.run.supports])
-        guess = first_guess(mounts, reachable(mounts, arcs, length, self._rings), length)
+        guess = first_guess(mounts, reachable(mounts, arcs, length, self._guides), length, self._tubes)
         for i, (piece, place) in enumerate(zip(self.pieces, guess.places(mounts, length), strict=True)):
             found = piece.find(kinematics, joints, place)
             if not found.converged:
@@ -85,14 +85,14 @@ class Released(Balance):
         that creeps, until Newton's method finds where friction is just enough.
         """
         assert self.state is not None
-        step = SLIDE * min(piece.length for piece in self.pieces)
+        step = longest = SLIDE * min(piece.length for piece in self.pieces)
         for _ in range(MOST_SLIDES):
             self._slides[:], self._inverse = 0, None
             stuck = self._corrected(kinematics, joints, mounts, self.state)
             if stuck is None:
                 return None
             excess, signs = self._excess()
-            over = self._rings & (self._friction > 0.0) & (excess > (1.0 + HELD) * self._friction)
+            over = self._guides & (self._friction > 0.0) & (excess > (1.0 + HELD) * self._friction)
             if not over.any():
                 return stuck
             self.state = stuck
@@ -109,7 +109,7 @@ class Released(Balance):
                 if crept is not None:
                     now, towards = self._excess()
                     if (over & (now > self._friction) & (towards == signs)).any():
-                        self.state = crept
+                        self.state, step = crept, min(2.0 * step, longest)
                         break
                 self._return()
                 step *= 0.5

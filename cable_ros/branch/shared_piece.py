@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A piece of a cable next to a pin or a ring, which is moved and lengthened by what its supports share."""
+"""A piece of a cable next to a pin, ring or tube, moved and lengthened by what its supports share."""
 
 from __future__ import annotations
 
@@ -29,6 +29,10 @@ from cable_ros.scene import Kinematics
 
 MOST_TURN = 0.35
 """Maximum rotation of a section in one attempt, rad."""
+STALLED = 10.0
+"""Algebraic tolerance of a piece in which rounding is larger, over the usual one."""
+LENGTHENED = 1e-3
+"""Relative change of the length after which a piece is judged again, also if no section has turned."""
 
 
 class Place(NamedTuple):
@@ -57,6 +61,11 @@ class SharedPiece(CableTracker):
     """One piece between two supports; it never looks for another branch by itself."""
 
     _length: float | None = None
+    _judged_length = np.nan
+    """m, at which it was last known to be stable."""
+    _turned = np.nan
+    """Rotation, rad, after which its factors were renewed since the last result; inf: not known. NaN: they
+    were not."""
     _spent = 0
     """Iterations since the last result."""
 
@@ -95,6 +104,7 @@ class SharedPiece(CableTracker):
         """A cold start as if its sections were clamped there."""
         self.reset()
         self.set_length(place.length)
+        self._judged_length = place.length
         while True:
             found = self.solve(kinematics, 0, joints, place.poses, time.perf_counter())
             if found.status is not Status.UNFINISHED:
@@ -117,12 +127,14 @@ class SharedPiece(CableTracker):
             rod.ready = False
         rod.set_conditions(there.qe, there.re, there.f, there.obstacles)
         self._q, self._F, self._joints = kept.q, kept.F, kept.joints
-        rod.refactor(self._q, self._F)
+        self._stable()
 
     def attempt(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
         """Follow the branch to a place nearby in one step; if not, nothing has moved."""
         rod, before = self._rod, self.length
         assert rod is not None
+        longer = abs(place.length / self._judged_length - 1.0) > LENGTHENED
+        kept = self.keep() if longer else None
         self.set_length(place.length)
         unit = self._units
         qe, re, f = relative(place.poses, rod.qe, self._weight, unit.length, unit.force)
@@ -132,15 +144,35 @@ class SharedPiece(CableTracker):
         )
         if near and rod.chord(qe, re) < 1.0:
             rod.work, rod.patience, rod.short = self._full_budget, 0, False
-            code, iterations, q, F = rod.advance(
-                self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, MOST_TURN, obstacles
-            )
+            for tolerance in (1.0, STALLED):
+                code, iterations, q, F = rod.advance(
+                    self._q, self._F, qe, re, f, tolerance * ALGEBRAIC * self.tolerance, MOST_TURN, obstacles
+                )
+                if code != warm_step.NOT_CONTRACTING:
+                    break
             if code == warm_step.ADVANCED:
                 self._q, self._F, self._joints = q, F, joints
                 self._spent += iterations
-                return True
+                if rod.rotation == 0.0:
+                    self._turned = np.fmax(self._turned, rod.rotation_before)
+                if kept is None:
+                    return True
+                if self._stable():
+                    self._turned = np.inf
+                    return True
+                self.put_back(kept)
+                return False
         self.set_length(before)
         return False
+
+    def _stable(self) -> bool:
+        """Whether the present equilibrium is a minimum, by factors made there."""
+        rod = self._rod
+        assert rod is not None
+        stable = rod.refactor(self._q, self._F)
+        if stable:
+            self._judged_length = self.length
+        return stable
 
     def resolve(self) -> bool:
         """Solve the present equilibrium to the tolerance if that has changed; whether it is still there."""
@@ -176,6 +208,10 @@ class SharedPiece(CableTracker):
     def publish(self, poses: np.ndarray, begin: float) -> Equilibrium:
         """The result of the present equilibrium, on a better mesh if it needs one."""
         iterations, self._spent = self._spent, 0
+        if not np.isnan(self._turned) and self._stable():
+            # margin and error estimate are renewed with the factors
+            assert self._rod is not None
+            self._rod.rotation_before, self._turned = self._turned, np.nan
         return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
 
     def energy(self, poses: np.ndarray) -> float:

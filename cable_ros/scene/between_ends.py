@@ -9,7 +9,7 @@ import re
 import numpy as np
 
 from cable_ros.scene.fields import MILLIMETRES, Field, Size, vector
-from cable_ros.scene.model import CLAMPED, CLIP, RING, SUPPORTS, Cable, Mount, Support
+from cable_ros.scene.model import CLAMPED, CLIP, RING, SUPPORTS, TUBE, Cable, Mount, Support
 from cable_ros.scene.mounts import LINK_REACH, WORLD_REACH, read_position
 from cable_ros.scene.placement import LINK, ROTATION, read_link, rotation
 from cable_ros.scene.section import Section
@@ -69,8 +69,14 @@ RING_FIELDS = (
         size=COEFFICIENT,
     ),
 )  # fmt: skip
+TUBE_FIELDS = (
+    _arc_length("Arc length of the cable that is in the tube at first, from its start."),
+    LINK,
+    POSITION,
+    *ROTATION,
+)
 
-ONE_OF = "one of `clip`, `pin` and `ring` is required"
+ONE_OF = "one of `clip`, `pin`, `ring` and `tube` is required"
 
 SUPPORT = (
     Field(
@@ -92,6 +98,12 @@ SUPPORT = (
         "ring", "mapping", "{arc_length: m, position: [x, y, z], friction: 0.2}, with a link",
         "Lets the cable slide and turn through a point.",
         "{arc_length: 0.31, position: [0.1, 0.05, 0.02]}", default=None, absent=ONE_OF, inner=RING_FIELDS,
+    ),
+    Field(
+        "tube", "mapping", "{arc_length: m, position: [x, y, z], orientation: [x, y, z, w]}, with a link",
+        "Lets the cable slide and turn through a short guide, along its z axis.",
+        "{arc_length: 0.31, position: [0.1, 0.05, 0.02], orientation: [0, 0, 0, 1]}", default=None,
+        absent=ONE_OF, inner=TUBE_FIELDS,
     ),
 )  # fmt: skip
 
@@ -139,14 +151,14 @@ def read_supports(
 def _support(section: Section, name: str, kind: str, links: tuple[str, ...] | None) -> Support:
     inner = section.inner(kind)
     link = read_link(inner, links)
-    turned = kind == CLIP or "orientation" in inner or "rpy" in inner
+    turned = kind in (CLIP, TUBE) or "orientation" in inner or "rpy" in inner
     mount = Mount(read_position(inner, link), rotation(inner) if turned else LEVEL, link)
     friction = inner.number("friction") if kind == RING and "friction" in inner else 0.0
     return Support(name, inner.number("arc_length"), mount, kind, friction)
 
 
 def check_supports(cable: Section, read: Cable) -> None:
-    """Raise SceneError for what cannot be solved with pins and rings."""
+    """Raise SceneError for what cannot be solved with pins, rings and tubes."""
     for run in read.runs:
         released = [support for support in run.supports if support.kind != CLIP]
         if not released:

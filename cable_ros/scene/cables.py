@@ -135,7 +135,7 @@ CABLE = (
         "{link: turret, position: [0.080, 0.145, 0.075], orientation: [0, 0, 0, 1]}", inner=MOUNT,
     ),
     Field(
-        "supports", "list of mappings", "a list of clips, pins and rings, or leave it out",
+        "supports", "list of mappings", "a list of clips, pins, rings and tubes, or leave it out",
         "What holds it between its ends; see [ends.md](ends.md).",
         "[{name: wrist_clip, clip: {arc_length: 0.31, position: [0, 0, 1], orientation: [0, 0, 0, 1]}}]",
         default=(), absent="none", extent="of different names", inner=SUPPORT,

@@ -175,7 +175,7 @@ def _check_clamps_with_contact(top: Section, cables: list[Cable], effects: str |
 def _check_friction_with_supports(
     top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], effects: str | tuple[str, ...]
 ) -> None:
-    """What the pieces beside a pin or ring share is found by iteration, which friction would remember."""
+    """What pieces beside a pin, ring or tube share is found by iteration, which friction would remember."""
     if not (isinstance(effects, str) or "friction" in effects) or not any(one.friction for one in obstacles):
         return
     for i, cable in enumerate(cables):

@@ -21,8 +21,9 @@ EFFECTS = (
 KINDS = CLAMPED, PINNED, SWIVEL, SLIDING, FREE = "clamped", "pinned", "swivel", "sliding", "free"
 """How an end is held: in position and orientation; in position; but for turning about the tangent; across an
 axis; not at all."""
-SUPPORTS = CLIP, PIN, RING = "clip", "pin", "ring"
-"""What holds a cable between its ends: in position and orientation; in position; across the tangent only."""
+SUPPORTS = CLIP, PIN, RING, TUBE = "clip", "pin", "ring", "tube"
+"""What holds a cable between its ends: in position and orientation; in position; across the tangent only;
+across the tangent and in direction."""
 NOTHING = np.zeros(3)
 
 
@@ -59,10 +60,10 @@ class Support:
 
     name: str
     arc_length: float
-    """From the cable's start, m; of a ring: at first."""
+    """From the cable's start, m; of a ring or tube: at first."""
     mount: Mount
-    """Where it is. Its orientation is that of the cable in a clip, and only that of the wrench's axes of what
-    the cable turns in."""
+    """Where it is. Its orientation is that of the cable in a clip, and of its direction, z, in a tube; of a
+    pin or ring it is only that of the wrench's axes."""
     kind: str = CLIP
     """One of `SUPPORTS`."""
     friction: float = 0.0
@@ -72,6 +73,11 @@ class Support:
     def couples(self) -> bool:
         """Whether what is on one side of it depends on the other: at all but a clip."""
         return self.kind != CLIP
+
+    @property
+    def slides(self) -> bool:
+        """Whether the cable slides through it."""
+        return self.kind in (RING, TUBE)
 
 
 @dataclass(frozen=True, eq=False)

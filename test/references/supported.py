@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rod between two clamps, held by pins and rings, by shooting over all of it; shares no code.
+"""A rod between two clamps, held by pins, rings and tubes, by shooting over all of it; shares no code.
 
-The equations are those of `held_ends`. At a support the force on the cable jumps; the moment does not. The
-arc length in a ring is an unknown, and the jump along the tangent is a given fraction of that across it.
+The equations are those of `held_ends`. At a support the force on the cable jumps; the moment does not, but
+for that across a tube. The arc length in a ring is an unknown, and the jump along the tangent is a given
+fraction of that across it. In a tube it is one, too, and F.t + m.K^-1 m / 2 + m.kappa0 does not jump (Bigoni,
+Dal Corso, Bosi and Misseroni 2015).
 """
 
 from __future__ import annotations
@@ -18,13 +20,15 @@ from scipy.spatial.transform import Rotation
 
 @dataclass(frozen=True)
 class Held:
-    """A pin or a ring."""
+    """A pin, a ring, or a tube."""
 
     position: np.ndarray
     """(3,) world, m."""
     slides: bool
     friction: float = 0.0
     """Of a ring: the tension beyond it less that before it, over the force across."""
+    tube: Rotation | None = None
+    """Axes of a tube, z along the cable."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,8 @@ class Solution:
     """(n, 3) of the supports."""
     arcs: np.ndarray
     """(n,) arc lengths in them, m."""
+    moments: np.ndarray
+    """(n, 3) of the supports, a tube's along its own axes."""
 
 
 def solve(
@@ -50,6 +56,12 @@ def solve(
     weight = cable["linear_density"] * gravity
     first, last = (Rotation.from_euler("xyz", cable[end]["rpy"]) for end in ("start", "end"))
     count = len(held)
+    tubes = [j for j in range(count) if held[j].tube is not None]
+
+    def moments(x: np.ndarray) -> np.ndarray:
+        out = np.zeros((count, 3))
+        out[tubes, :2] = x[6 + 4 * count :].reshape(-1, 2)
+        return out
 
     def slope(_: float, y: np.ndarray) -> np.ndarray:
         R, F, M = y[3:12].reshape(3, 3), y[12:15], y[15:]
@@ -57,8 +69,13 @@ def solve(
         spin = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
         return np.concatenate([R[:, 2], (R @ spin).ravel(), -weight, -np.cross(R[:, 2], F)])
 
+    def configurational(R: np.ndarray, F: np.ndarray, M: np.ndarray) -> float:
+        m = R.T @ M
+        return float(F @ R[:, 2] + 0.5 * m @ (m / K) + m @ natural)
+
     def missed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        jumps, arcs = x[6 : 6 + 3 * count].reshape(-1, 3), x[6 + 3 * count :]
+        jumps, arcs = x[6 : 6 + 3 * count].reshape(-1, 3), x[6 + 3 * count : 6 + 4 * count]
+        turning = moments(x)
         y = np.concatenate([cable["start"]["position"], first.as_matrix().ravel(), x[:6]])
         cuts, out = [0.0, *arcs, cable["length"]], []
         for j in range(count + 1):
@@ -66,7 +83,15 @@ def solve(
             if j == count:
                 break
             out.append(y[:3] - held[j].position)
-            tangent = y[3:12].reshape(3, 3)[:, 2]
+            R = y[3:12].reshape(3, 3)
+            tangent = R[:, 2]
+            tube = held[j].tube
+            if tube is not None:
+                out.append(tube.inv().apply(tangent)[:2])
+                before = configurational(R, y[12:15], y[15:])
+                y[12:] -= np.concatenate([jumps[j], tube.apply(turning[j])])
+                out.append(np.array([configurational(R, y[12:15], y[15:]) - before]))
+                continue
             along = float(jumps[j] @ tangent)
             across = float(np.linalg.norm(jumps[j] - along * tangent))
             y[12:15] -= jumps[j]
@@ -76,9 +101,10 @@ def solve(
         out += [y[:3] - cable["end"]["position"], turn.as_rotvec()]
         return np.concatenate(out), y
 
-    x0 = np.concatenate([-guess.start, guess.forces.ravel(), guess.arcs])
+    x0 = np.concatenate([-guess.start, guess.forces.ravel(), guess.arcs, guess.moments[tubes, :2].ravel()])
     found = root(lambda x: missed(x)[0], x0, method="hybr", tol=1e-13)
     residual, y = missed(found.x)
     assert np.abs(residual).max() < 1e-8, residual
     x = found.x
-    return Solution(-x[:6], y[12:], x[6 : 6 + 3 * count].reshape(-1, 3), x[6 + 3 * count :])
+    forces, arcs = x[6 : 6 + 3 * count].reshape(-1, 3), x[6 + 3 * count : 6 + 4 * count]
+    return Solution(-x[:6], y[12:], forces, arcs, moments(x))

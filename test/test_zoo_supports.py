@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every hard case of pins, rings and tubes: by shooting, there and back, in any number of steps, mirrored."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from references import supported
+from zoo_supports import CART, CASES, FLIP, Case, frame
+
+from cable_ros import Tracker
+from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.scene import load_scene
+
+TOLERANCE = 1e-8
+SAME = 1e-6
+"""Largest difference of wrenches that agree, over their largest component: that of two solves, and 50 times
+as much for a taut cable."""
+EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+
+
+def tracker(case: Case) -> Tracker:
+    return Tracker(load_scene(case.scene, urdf=CART), tolerance=TOLERANCE)
+
+
+def led(case: Case, parts: np.ndarray) -> list[Equilibrium]:
+    """The equilibria at fractions of the path, one after the other; none of the cases snaps."""
+    one, out = tracker(case), []
+    for part in parts:
+        found = one.arrive(case.joints(part))["c"]
+        assert found.status is Status.CONVERGED, found.message
+        out.append(found)
+    return out
+
+
+def wrenches(found: Equilibrium) -> np.ndarray:
+    """(n + 2, 6) of start, end and supports."""
+    return np.stack([found.start_wrench, found.end_wrench, *found.support_wrenches.values()])
+
+
+def agree(one: Equilibrium, two: Equilibrium, tolerance: float = SAME) -> None:
+    sizes = np.abs(wrenches(two)).max(axis=0)
+    np.testing.assert_allclose(wrenches(one) / sizes.max(), wrenches(two) / sizes.max(), atol=tolerance)
+
+
+@EVERY
+def test_it_is_that_of_shooting(case):
+    one = tracker(case)
+    for part in np.linspace(0.0, case.shot, 9):
+        found = one.arrive(case.joints(part))["c"]
+    cable = case.fixed(case.shot)
+    there = Case(case.name, {"cables": [cable]}, case.to)
+    start, end, *inner = there.mounts()
+    mine = [
+        -frame(mount).apply(wrench.reshape(2, 3)).ravel()
+        for mount, wrench in ((start, found.start_wrench), (end, found.end_wrench))
+    ]
+    kinds = [kind for entry in cable["supports"] for kind in entry if kind != "name"]
+    held = [
+        supported.Held(
+            np.array(mount["position"]), kind != "pin", tube=frame(mount) if kind == "tube" else None
+        )
+        for mount, kind in zip(inner, kinds, strict=True)
+    ]
+    given = list(found.support_wrenches.values())
+    forces = np.array([-frame(mount).apply(wrench[:3]) for mount, wrench in zip(inner, given, strict=True)])
+    moments = -np.array(given)[:, 3:]
+    guess = supported.Solution(mine[0], mine[1], forces, one._coupled[0].arcs.copy(), moments)
+    exact = supported.solve(cable, np.array([0.0, 0.0, -10.0]), held, guess)
+    for name in ("start", "end", "forces", "moments"):
+        ours, true = getattr(guess, name), getattr(exact, name)
+        size = np.abs(exact.forces).max()
+        np.testing.assert_allclose(ours, true, atol=SAME * size, err_msg=name)
+    np.testing.assert_allclose(guess.arcs, exact.arcs, atol=1e-8)
+
+
+@EVERY
+def test_there_and_back_it_is_as_before(case):
+    there = np.linspace(0.0, 1.0, 17)
+    found = led(case, np.concatenate([there, there[-2::-1]]))
+    for k in range(16):
+        agree(found[-1 - k], found[k])
+        assert found[-1 - k].total_twist == pytest.approx(found[k].total_twist, abs=1e-6)
+
+
+@EVERY
+def test_two_eight_or_thirty_two_steps_lead_to_one_answer(case):
+    ends = [led(case, np.linspace(0.0, 1.0, steps + 1))[-1] for steps in (2, 8, 32)]
+    agree(ends[0], ends[2])
+    agree(ends[1], ends[2])
+
+
+@EVERY
+def test_the_twelfth_digit_of_a_joint_hardly_matters(case):
+    one, other = led(case, np.linspace(0.0, 1.0, 9)), led(case, np.linspace(0.0, 1.0 + 1e-12, 9))
+    agree(one[-1], other[-1])
+
+
+@EVERY
+def test_its_mirror_image_has_mirrored_wrenches(case):
+    parts = np.linspace(0.0, 1.0, 9)
+    for plain, image in zip(led(case, parts), led(case.mirrored(), parts), strict=True):
+        mirror = np.kron(np.diag([1.0, -1.0]), FLIP)  # moments are axial vectors
+        size = np.abs(wrenches(plain)).max()
+        np.testing.assert_allclose(wrenches(image) @ mirror, wrenches(plain), atol=SAME * size)
+        assert image.total_twist == pytest.approx(-plain.total_twist, abs=1e-6)
+        np.testing.assert_allclose(image.points @ FLIP, plain.points, atol=1e-7)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hard cases of pins, rings and tubes by name; `test_zoo_supports` says what must hold for each.
+
+They are apart from the zoo's others, whose judge knows a cable between two ends only: these are judged by
+shooting over all pieces.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from test_ends import END, START, mapping
+from test_supports import FREE, TILT, axis, support
+
+CART = """
+<robot name="r"><link name="base"/><link name="a"/><link name="b"/><link name="cart"/>
+<joint name="x" type="prismatic"><parent link="base"/><child link="a"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="y" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="z" type="prismatic"><parent link="b"/><child link="cart"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>
+"""
+FLIP = np.diag([1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Case:
+    """A cable whose end, and what else is on the link `cart`, is led straight from home and back."""
+
+    name: str
+    scene: dict[str, Any]
+    """At home all joints are 0, and links are where the world is."""
+    to: np.ndarray
+    """(3,) how far the cart moves, m."""
+    shot: float = 1.0
+    """Fraction of the path up to which shooting finds it: not a cable that is all but straight."""
+
+    def joints(self, part: float) -> dict[str, float]:
+        """Joint values at a fraction of the path."""
+        return dict(zip("xyz", (part * self.to).tolist(), strict=True))
+
+    def mounts(self) -> list[dict[str, Any]]:
+        """The mounts of the cable in the scene: start, end, supports."""
+        (cable,) = self.scene["cables"]
+        inner = [one[kind] for one in cable["supports"] for kind in one if kind != "name"]
+        return [cable["start"], cable["end"], *inner]
+
+    def mirrored(self) -> Case:
+        """Seen in a mirror across y."""
+        image = Case(self.name, copy.deepcopy(self.scene), FLIP @ self.to)
+        for mount in image.mounts():
+            mount["position"] = (FLIP @ mount["position"]).tolist()
+            own = FLIP @ frame(mount).as_matrix() @ FLIP
+            mount.pop("rpy", None)
+            mount["orientation"] = Rotation.from_matrix(own).as_quat().tolist()
+        return image
+
+    def fixed(self, part: float) -> dict[str, Any]:
+        """The cable of the scene at a fraction of the path, all of it in the world."""
+        there = Case(self.name, copy.deepcopy(self.scene), self.to)
+        for mount in there.mounts():
+            if mount.pop("link", None):
+                mount["position"] = (mount["position"] + part * self.to).tolist()
+        (cable,) = there.scene["cables"]
+        return cable
+
+
+def frame(mount: dict[str, Any]) -> Rotation:
+    """Orientation of a mount, or of the axes of its wrench."""
+    if "rpy" in mount:
+        return Rotation.from_euler("xyz", mount["rpy"])
+    return Rotation.from_quat(mount.get("orientation", [0.0, 0.0, 0.0, 1.0]))
+
+
+def held(
+    name: str, where: list[tuple[str, int, list[float]]], to: list[float], weight: float = 30.0,
+    on_cart: tuple[str, ...] = ("end",), shot: float = 1.0,
+) -> Case:  # fmt: skip
+    """A case of supports s0, s1.. at percents of the plain cable, moved by a shift, and what moves."""
+    supports = []
+    for i, (kind, k, shift) in enumerate(where):
+        fields = axis(kind, k, TILT) | ({"link": "cart"} if f"s{i}" in on_cart else {})
+        supports.append(support(kind, f"s{i}", k / 100, FREE.points[k] + shift, **fields))
+    end = END | ({"link": "cart"} if "end" in on_cart else {})
+    return Case(name, mapping(START, end, weight=weight, supports=supports), np.array(to), shot)
+
+
+CLOSE = [0.0012, -0.0012, 0.0008]
+SIDE, OTHER = [0.01, -0.015, 0.02], [-0.01, 0.02, 0.01]
+THREE = [("pin", 20, CLOSE), ("ring", 50, OTHER), ("tube", 75, SIDE)]
+CASES = (
+    held("a ring near a clamp", [("ring", 3, CLOSE)], [0.1, -0.15, 0.1]),
+    held("a tube near a clamp", [("tube", 6, CLOSE)], [0.05, -0.1, 0.05]),
+    held("a ring that slides far", [("ring", 30, SIDE)], [0.14, 0.07, -0.014], on_cart=("s0",)),
+    held("a tube that slides far", [("tube", 30, SIDE)], [0.15, 0.08, 0.0], on_cart=("s0",)),
+    held("a ring, slack and then taut", [("ring", 35, SIDE)], [0.138, 0.09, 0.021], shot=0.8),
+    held("a tube, slack and then taut", [("tube", 35, SIDE)], [0.138, 0.092, 0.0], shot=0.8),
+    held("a piece buckles between pins", [("pin", 30, SIDE), ("pin", 60, SIDE)], [-0.12, -0.1, 0.0], 1.0,
+         on_cart=("s1", "end")),
+    held("a pin, a ring and a tube", THREE, [0.03, -0.06, 0.05]),
+    held("a ring, no weight", [("ring", 35, SIDE)], [0.1, -0.1, 0.05], 0.0),
+    held("a tube, no weight", [("tube", 35, SIDE)], [0.1, -0.1, 0.05], 0.0),
+    held("a pin, a ring and a tube, no weight", THREE, [0.03, -0.06, 0.05], 0.0),
+)  # fmt: skip
