@@ -46,7 +46,7 @@ class Contact:
     """
 
     obstacle: str
-    """Its name in the scene."""
+    """Its name in the scene; with `cable_contact` also that of another cable."""
     arc_length: float
     """From the start, m."""
     position: np.ndarray
@@ -91,7 +91,7 @@ class ContactTable:
     """All `Contact`s of a cable, by rising arc length, a field an array; world, SI units."""
 
     names: tuple[str, ...]
-    """Of the scene's obstacles."""
+    """Of the scene's obstacles, and of other cables that it touches."""
     obstacle: np.ndarray
     """(n,) int, in `names`."""
     arc_length: np.ndarray
@@ -118,9 +118,11 @@ class ContactTable:
     def obstacle_wrenches(self) -> dict[str, np.ndarray]:
         """See `Equilibrium.obstacle_wrenches`."""
         exerted = -np.concatenate([self.force, np.cross(self.position, self.force)], axis=1)
+        # another cable is there once for each place where it touches
+        which = [self.names.index(self.names[k]) for k in self.obstacle.tolist()]
         sums = np.zeros((len(self.names), 6))
-        np.add.at(sums, self.obstacle, exerted)
-        return {self.names[which]: sums[which] for which in sorted(set(self.obstacle.tolist()))}
+        np.add.at(sums, which, exerted)
+        return {self.names[k]: sums[k] for k in sorted(set(which))}
 
 
 @dataclass(frozen=True, eq=False)

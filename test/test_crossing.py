@@ -291,3 +291,73 @@ def test_the_example_of_the_page_is_as_it_says() -> None:
     (one,), (other,) = found["hose"].contacts, found["wire"].contacts
     assert (one.obstacle, other.obstacle) == ("wire", "hose")
     assert np.linalg.norm(one.position - other.position) == pytest.approx(0.009, rel=1e-6)
+
+
+def test_three_cables_and_two_contacts_on_one() -> None:
+    """Two lie on the third: its balance, and the work of lowering both."""
+    second = ABOVE | {
+        "name": "second",
+        "start": ABOVE["start"] | {"position": [-0.08, -0.2, 0.01]},
+        "end": ABOVE["end"] | {"position": [-0.09, 0.2, 0.0]},
+    }
+    model, at, step = tracker([ABOVE, BELOW, second], 1e-8), -0.02, 2e-4
+    lowered(model, at - 2.5 * step)
+    energies, loads = [], []
+    for k in range(-2, 3):
+        joints = {"lift": at + k * step}
+        found = model.solve(joints)
+        energies.append(sum(one.energy for one in found.values()))
+        loads.append(joint_load(model, found, joints))
+    assert [one.obstacle for one in found["below"].contacts] == ["second", "above"]
+    start, end = in_world(found["below"])
+    weight = BELOW["length"] * BELOW["linear_density"] * GRAVITY
+    pressed = sum(one.force for one in found["below"].contacts)
+    np.testing.assert_allclose(weight + pressed, start[:3] + end[:3], atol=1e-7)
+    for name in ("above", "second"):
+        assert found["below"].obstacle_wrenches[name][:3] == pytest.approx(
+            found[name].contacts[0].force, rel=1e-7
+        )
+    derivative = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12.0 * step)
+    assert loads[2].torque[0] == pytest.approx(-derivative @ energies, rel=1e-5)
+    assert loads[2].stiffness[0, 0] == pytest.approx(
+        derivative @ [load.torque[0] for load in loads], rel=1e-5
+    )
+
+
+def test_two_contacts_of_one_pair() -> None:
+    """A loop that comes down on a cable meets it twice, once after the other."""
+    loop = {
+        "name": "loop",
+        "length": 0.4,
+        "stiffness": [0.05, 0.05, 0.04],
+        "outer_diameter": 0.010,
+        "linear_density": 0.05,
+        "start": {"link": "tool", "position": [-0.08, -0.12, 0.0], "rpy": [-math.pi / 2, 0.0, 0.0]},
+        "end": {"link": "tool", "position": [0.085, -0.12, 0.0], "rpy": [math.pi / 2, 0.0, 0.0]},
+    }
+    model = tracker([BELOW, loop], 1e-7)
+    counts = []
+    for lift in np.linspace(-0.04, -0.07, 13):
+        found = model.arrive({"lift": lift})
+        assert all(one.converged for one in found.values())
+        counts.append(len(found["below"].contacts))
+    assert counts == sorted(counts)
+    assert counts[-1] == 2
+    others = sorted(found["loop"].contacts, key=lambda one: one.position[0])
+    for one, other in zip(
+        sorted(found["below"].contacts, key=lambda one: one.position[0]), others, strict=True
+    ):
+        np.testing.assert_allclose(one.force, -other.force, rtol=1e-6)
+        assert np.linalg.norm(one.position - other.position) == pytest.approx(DISTANCE, rel=1e-8)
+    # both forces of one name in one wrench
+    total = sum(one.force for one in found["below"].contacts)
+    np.testing.assert_allclose(found["below"].obstacle_wrenches["loop"][:3], -total, rtol=1e-12)
+
+
+def test_cold_start_pushes_apart_cables_that_overlap() -> None:
+    """From overlapping shapes to the equilibrium that the path from above leads to."""
+    followed, cold = lowered(tracker([BELOW, ABOVE], 1e-7), 0.010), tracker([BELOW, ABOVE], 1e-7)
+    found = cold.solve({"lift": 0.010})
+    for name, one in followed.items():
+        scale = np.linalg.norm(one.end_wrench)
+        np.testing.assert_allclose(found[name].end_wrench, one.end_wrench, rtol=0.0, atol=1e-6 * scale)

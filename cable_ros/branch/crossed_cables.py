@@ -23,8 +23,10 @@ LONGEST = 0.2
 """Maximum step in joint values, rad or m, that is taken at once."""
 SHORTEST = 1e-4
 """Minimum step, rad or m; if even that fails, the cables cannot be followed."""
-MOST_STEPS = 60
-"""Maximum number of steps of one solve."""
+MOST_ITERATIONS = 600
+"""Budget of one solve: about half a second for two cables."""
+PROGRESS = 0.01
+"""Minimum progress of such a solve, rad or m; with less they are stuck."""
 PATIENCE = 2
 """Number of poses in a row that they cannot be followed to, before equilibria are searched for again."""
 DEEP = 0.3
@@ -108,8 +110,8 @@ class CrossedCables(CrossingNewton):
         assert origin is not None
         distance = float(np.abs(joints - origin).max(initial=0.0))
         longest = LONGEST / max(distance, LONGEST)
-        at, step = 0.0, longest
-        for _ in range(MOST_STEPS):
+        at, step, self.iterations = 0.0, longest, 0
+        while self.iterations < MOST_ITERATIONS:
             target = min(1.0, at + step)
             there = joints if target == 1.0 else origin + target * (joints - origin)
             poses = kinematics.poses(there)
@@ -125,7 +127,7 @@ class CrossedCables(CrossingNewton):
             step = 0.5 * (target - at)
             if step * distance < SHORTEST:
                 return False
-        return None
+        return None if at * distance >= PROGRESS else False
 
     def _settled(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, guess: list[Spacer]

@@ -15,6 +15,7 @@ from cable_ros.contact.distance import AXES, DIMENSIONS, OFFSET, SHAPE, SPHERE, 
 from cable_ros.contact.points import OBSTACLE
 from cable_ros.contact.report import contact_table
 from cable_ros.effects.effect import Properties
+from cable_ros.linalg.cross import cross
 from cable_ros.scene import Kinematics
 
 SLOTS = 6
@@ -161,7 +162,7 @@ class CrossingCable(SharedPiece):
         if table is None or not len(on):
             return Touch(np.zeros(6), np.nan, 0)
         force, r = table.force[on], table.position[on]
-        wrench = -np.concatenate([force, np.cross(r, force)], axis=1).sum(axis=0)
+        wrench = -np.concatenate([force, cross(r, force)], axis=1).sum(axis=0)
         return Touch(wrench, float(table.arc_length[on[0]]), len(on))
 
     def response_of(self, slots: Sequence[int], poses: np.ndarray) -> np.ndarray:

@@ -33,6 +33,8 @@ FINER = 0.1
 """Tolerance of each cable over that of all together, in the distance of the axes over the cable's length."""
 RENEWED = 0.02
 """Motion of clamps and spacers, rad or parts of the length, after which stability is judged again."""
+TANGENT = 4
+"""Work of a tangent, in iterations."""
 NEAR = 3.0
 """Distance along a cable, in distances of the axes, within which two pairs of closest points are the same."""
 TOUCHES = 1e-9
@@ -91,6 +93,7 @@ class CrossingNewton:
         self.spacers: list[Spacer] = []
         self.loose: set[int] = set()
         """Numbers of the spacers that a cable did not touch in the last attempt."""
+        self.iterations = 0  # of this solve
         self._joints: np.ndarray | None = None
         self._kept: list[Remembered] = []
         self._spare: list[Remembered] = []
@@ -157,6 +160,7 @@ class CrossingNewton:
         size, slow = np.inf, 0
         self.loose = set()
         for iteration in range(ITERATIONS):
+            self.iterations += 1
             self._show(kinematics, joints, poses, spacers)
             for cable, own in zip(self.cables, poses, strict=True):
                 if not cable.attempt(kinematics, joints, Place(own, cable.length)):
@@ -206,6 +210,7 @@ class CrossingNewton:
 
     def _renew(self, spacers: Sequence[Spacer], poses: np.ndarray) -> bool:
         """Invert the tangent at the present equilibria; whether it can be inverted."""
+        self.iterations += TANGENT
         system = CrossedTangent(self.cables, spacers, poses).system()
         try:
             self._inverse, self._spread = np.linalg.inv(system.tangent), system.spread

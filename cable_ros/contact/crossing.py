@@ -18,6 +18,7 @@ import numpy as np
 from cable_ros.contact.crossing_kernels import closest_points
 from cable_ros.contact.distance import AXES, CAPSULE, CENTRE, DIMENSIONS, OFFSET, SHAPE, WIDTH
 from cable_ros.contact.report import coefficients
+from cable_ros.linalg.cross import cross
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh
 
@@ -73,7 +74,7 @@ class Spacer(NamedTuple):
         """(3, 3) two directions across the normal, and the normal, from the second cable to the first."""
         normal = (self.centres[1] - self.centres[0]) / self.apart
         first = self.axes[0]
-        return np.stack([first, np.cross(normal, first), normal])
+        return np.stack([first, cross(normal, first), normal])
 
     def basis(self) -> np.ndarray:
         """(6, FREEDOMS) its motions: velocity of its point in the world's origin, and rotation.
@@ -84,7 +85,7 @@ class Spacer(NamedTuple):
         out[:3, :3] = frame.T
         turns = frame[:2] / self.apart
         out[3:, 3:] = turns.T
-        out[:3, 3:] = np.cross(0.5 * self.centres.sum(axis=0), turns).T
+        out[:3, 3:] = cross(0.5 * self.centres.sum(axis=0), turns).T
         return out
 
     def moved(self, step: np.ndarray) -> Spacer:
@@ -100,7 +101,7 @@ class Spacer(NamedTuple):
     def step_to(self, other: Spacer) -> np.ndarray:
         """(FREEDOMS,) the step that leads to one nearby, to first order."""
         frame, change = self.frame, other.centres - self.centres
-        turn = np.cross(self.frame[2], change[1] - change[0])  # times the distance of the axes
+        turn = cross(self.frame[2], change[1] - change[0])  # times the distance of the axes
         return np.concatenate([frame @ change.mean(axis=0), frame[:2] @ turn])
 
     def with_apart(self, apart: float) -> Spacer:
@@ -115,7 +116,7 @@ class Spacer(NamedTuple):
         """(WIDTH,) what the cable of that side sees, as `distance.gap` takes it; `radius` of the other, m."""
         row, axis, normal = np.zeros(WIDTH), self.axes[side], self.frame[2]
         row[SHAPE], row[CENTRE:AXES] = CAPSULE, self.centres[side]
-        row[AXES:DIMENSIONS] = np.column_stack([normal, np.cross(axis, normal), axis]).ravel()
+        row[AXES:DIMENSIONS] = np.column_stack([normal, cross(axis, normal), axis]).ravel()
         row[DIMENSIONS : DIMENSIONS + 2] = radius, HALF_LENGTH * self.apart
         row[OFFSET] = self.apart - radius
         return row
