@@ -223,9 +223,12 @@ def continue_branch(
         smallest, most = (FALLBACK_LYING, lying_work) if soft else (FALLBACK, FALLBACK_WORK * given)
         if code == warm_step.TOO_FAR and not soft:
             smallest = FALLBACK_POINTS
-        hard = step * 0.5 < smallest * longest or spent > most
         # without friction a cable snaps on this mesh as well as on a grid of contacts
         free = not (rod.remembers or rod.frictional)
+        if free and spent > most and rod.patience > 0:
+            # descents that lead away from the branch: short steps without them show whether it folds
+            rod.patience, last, spent = 0, rod.work, 0.0
+        hard = step * 0.5 < smallest * longest or spent > most
         stable = (free or fallback is None or not hard) and rod.refactor(q, F)
         folding = free and (not stable or (fallback is not None and rod._softest() < SMALL))
         if folding:

@@ -8,11 +8,11 @@ import numpy as np
 from cable_ros.branch.cold_start import LENIENT, LIMIT, Conditions, Found, Sought, first_mesh, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.grid_friction import Friction
-from cable_ros.contact.nodal_contacts import point_count
+from cable_ros.contact.nodal_contacts import MOST, point_count
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
-from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, KIND, OBSTACLE, SAMPLE
 from cable_ros.contact.report import positions
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
@@ -38,6 +38,8 @@ WORK = 40_000.0
 """Minimum budget, iterations times unknowns, of a rod that takes over."""
 EXACT_WORK = 60_000.0
 """Maximum budget of a search for the accurate equilibrium beside one on a grid."""
+CELLS = 12.0
+"""Minimum number of cells of a grid along the longest patch."""
 LEVEL = 0.1
 """Maximum gap of a contact on the grid, in spacings squared per length: the grid resolves no less."""
 PATCH = 4
@@ -64,10 +66,18 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
     points = rod.points[: rod.count]
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.contact_force()))
-    new = NodalRod(rod.K, rod.natural, rod.obstacles, point_count(float(force)), rod.model == COULOMB)
+    count = max(point_count(float(force)), int(min(CELLS / _longest_span(points), MOST)))
+    new = NodalRod(rod.K, rod.natural, rod.obstacles, count, rod.model == COULOMB)
     new.work = max(rod.work, WORK)
     adopted = new.adopt(rod, q, F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int))
     return new if adopted else None
+
+
+def _longest_span(points: np.ndarray) -> float:
+    """Length, L, of the longest patch among contact points (k, COLUMNS); inf without any."""
+    samples = points[points[:, KIND] == SAMPLE]
+    spans = [np.ptp(samples[samples[:, OBSTACLE] == o, ARC_LENGTH]) for o in set(samples[:, OBSTACLE])]
+    return max((float(span) for span in spans if span > 0.0), default=np.inf)
 
 
 def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:

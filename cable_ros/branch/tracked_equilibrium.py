@@ -39,6 +39,8 @@ from cable_ros.scene.cable_limits import CableLimits
 
 GRID = 0.05
 """Maximum estimated error of an equilibrium with friction on a grid of contacts; see `NodalRod`."""
+REFINE = 0.4
+"""Part of that from which a grid becomes finer: the error that friction has once, it keeps."""
 COARSE = "Contact was solved on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
 INACCURATE = "The estimated error of the end wrench, {:.1e}, exceeds the tolerance {:.0e}."
@@ -294,7 +296,7 @@ class TrackedEquilibrium(CableModel):
     def _finer(self) -> None:
         """Take a finer grid where the error of this one is too large, if there is one."""
         rod = self._rod
-        if not isinstance(rod, NodalRod) or self._estimate <= self._limit or rod.cells >= MOST:
+        if not isinstance(rod, NodalRod) or self._estimate <= REFINE * self._limit or rod.cells >= MOST:
             return
         finer = rod.finer()
         if finer is not None:

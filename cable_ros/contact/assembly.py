@@ -12,7 +12,7 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.contact_state import PointTerms, surface
-from cable_ros.contact.distance import FRICTION_COEFFICIENT, across, pull
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT, across, pull
 from cable_ros.contact.friction_kernels import (
     ACROSS,
     DIRECTION,
@@ -23,7 +23,7 @@ from cable_ros.contact.friction_kernels import (
     stick_stiffness,
     update_friction,
 )
-from cable_ros.contact.interfaces import gap_at
+from cable_ros.contact.interfaces import gap_here, locate
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -33,6 +33,7 @@ from cable_ros.contact.points import (
     INTERFACE,
     KIND,
     LENGTH,
+    MOTION,
     OBSTACLE,
     POINT,
     SAMPLE,
@@ -121,7 +122,8 @@ def assemble_kkt(shape, forces, section, obstacles, history, contacts, count, kk
         contacts, count: `ContactSet`, which receives gaps, normals and friction, and the number of points.
         kkt: `KKT`; the evaluation and, if `full`, tangents and rows are overwritten.
         full: whether to compute the matrix.
-        initial: whether friction is that of the last equilibrium, turned with the obstacles.
+        initial: whether contact is that of the last equilibrium, carried along and turned by the obstacles:
+            the shape has to follow their motion, which the contact points receive.
 
     Returns:
         The number of constraint rows, whether V and W are the same, and the number of points that began to
@@ -177,7 +179,13 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
         o = int(points[i, OBSTACLE])
         obstacle = obstacles[o]
         s = points[i, ARC_LENGTH]
-        gaps[i], terms.tilts[i], curvature = gap_at(shape, s, obstacle, at)
+        locate(shape, s, at)
+        if initial:
+            motion = points[i, MOTION : MOTION + 3]
+            obstacle_motion(history.obstacles[o], obstacle, at.r, motion)
+            for a in range(3):
+                at.r[a] += motion[a]
+        gaps[i], terms.tilts[i], curvature = gap_here(obstacle, at)
         terms.curvature[i] = max(curvature, 1e-9) if points[i, KIND] == POINT else 0.0
         for a in range(3):
             normals[i, a] = at.n[a]
@@ -198,7 +206,7 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
                 turned[a] = points[i, BEFORE + a]
             carry(history.obstacles[o], obstacle, before, turned)
             for a in range(3):
-                before[a] = at.r[a] - before[a]
+                before[a] = 0.0 if initial else at.r[a] - before[a]
             stiffness = stick_stiffness(mu * points[i, FORCE], history.presliding)
             flips += update_friction(points, i, at, mu, history, before, turned, initial, terms.tangents[i])
             for a in range(3):
@@ -246,7 +254,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
     """
     q, _, (h, s0, tables) = shape
     points, gaps, normals = contacts
-    V, W, delta, lines, upto = rows
+    V, W, delta, lines, upto, owners = rows
     geometric, dchord, C = tangents.geometric, tangents.dchord, tangents.C
     N, primitives = tables.values, tables.primitives
     order = N.shape[1] - 1
@@ -257,6 +265,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
         for j in range(columns):
             V[a, j] = C[a, j]
         delta[a] = 0.0
+        owners[a] = count
     total = 3 + count
     same = True
     D, Y = np.empty((4, nd)), np.empty((4, nd))
@@ -267,7 +276,6 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
     qs, gT, H, P, t = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty(3), np.empty(3)
     sticking = np.empty((2, 3))
     soft = strain.reach.shape[0] > 0
-    owners = np.full(V.shape[0] if soft else 0, count)
     tilt = np.empty((3, nd))
     for i in range(count):
         e, x = find_element(points[i, ARC_LENGTH], s0, h)
@@ -315,7 +323,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
         delta[3 + i] = YIELD * points[i, LENGTH] ** 3 if points[i, KIND] == SAMPLE else 0.0
         copy(normals[i], lines[3 + i])
         begin = total
-        upto[3 + i] = e
+        upto[3 + i], owners[3 + i] = e, i
         points[i, STICK_ROW] = points[i, SLIP_ROW] = 0.0
         friction = terms.tangents[i]
         slip = friction[DIRECTION] != 0.0 or friction[DIRECTION + 1] != 0.0 or friction[DIRECTION + 2] != 0.0
@@ -365,11 +373,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             points[i, SLOPE_ROW] = total
             total += 1
         for b in range(begin, total):
-            upto[b] = e
-        if soft:
-            owners[3 + i] = i
-            for b in range(begin, total):
-                owners[b] = i
+            upto[b], owners[b] = e, i
     for b in range(3):
         copy(V[b], W[b])
     for b in range(3 + count, total):
@@ -411,6 +415,50 @@ def stick_constraints(points, i, misfits, lines, gaps):
             gaps[k - 3] = (
                 misfits[i, 0] * lines[k, 0] + misfits[i, 1] * lines[k, 1] + misfits[i, 2] * lines[k, 2]
             )
+
+
+@njit(**LEAF)
+def obstacle_motion(old, new, r, out):
+    """How far an obstacle carries the position r (3,) from `old` to `new` (WIDTH,); exactly 0 at rest.
+
+    Args:
+        old, new: the obstacle before and after the step.
+        r: the position, L.
+        out: (3,) receives the motion, L.
+    """
+    still = True
+    for k in range(CENTRE, DIMENSIONS):
+        still = still and old[k] == new[k]
+    for a in range(3):
+        out[a] = 0.0
+        if still:
+            continue
+        for b in range(3):
+            # y_b, the position along the obstacle's axis b
+            y = 0.0
+            for c in range(3):
+                y += old[AXES + 3 * c + b] * (r[c] - old[CENTRE + c])
+            out[a] += new[AXES + 3 * a + b] * y
+        out[a] += new[CENTRE + a] - r[a]
+
+
+@njit(**INNER)
+def follow_obstacles(contacts, count, rows, total):
+    """Let the constraint rows of a tangent step read positions relative to the obstacles, which move.
+
+    Args:
+        contacts, count: as in `assemble_kkt`.
+        rows: `ConstraintRows`.
+        total: their number.
+    """
+    points, gaps, normals = contacts
+    for i in range(count):
+        for a in range(3):
+            gaps[i] -= normals[i, a] * points[i, MOTION + a]
+    for b in range(3 + count, total):
+        i = rows.owners[b]
+        for a in range(3):
+            gaps[b - 3] -= rows.lines[b, a] * points[i, MOTION + a]
 
 
 @njit(**LEAF)

@@ -18,6 +18,7 @@ from cable_ros.contact.meshing import suited
 from cable_ros.contact.patches import inside
 from cable_ros.contact.points import (
     ARC_LENGTH,
+    BEFORE,
     CAPACITY,
     COLUMNS,
     FIRST,
@@ -101,7 +102,8 @@ class FixedSetRod(Rod):
         n = self.elastic.shape[0]
         # megabytes, of which few rows are ever used: nothing is read that was not written
         self.V, self.W, self.responses = np.empty((ROWS, n)), np.empty((ROWS, n)), np.empty((ROWS, n))
-        self.lines, self.upto = np.zeros((ROWS, 3)), np.zeros(ROWS, np.int64)
+        self.lines = np.zeros((ROWS, 3))
+        self.upto, self.owners = np.zeros(ROWS, np.int64), np.zeros(ROWS, np.int64)
         self.delta, self.complement = np.zeros(ROWS), np.empty((ROWS, ROWS))
         # with friction: `skew_factor`'s
         self.Y_slip, self.S_slip = np.empty((ROWS, n)), np.empty((ROWS, ROWS))
@@ -167,7 +169,7 @@ class FixedSetRod(Rod):
     @property
     def constraints(self) -> tuple[np.ndarray, ...]:
         """`ConstraintRows`."""
-        return self.V, self.W, self.delta, self.lines, self.upto
+        return self.V, self.W, self.delta, self.lines, self.upto, self.owners
 
     def kkt(self, factors: tuple[np.ndarray, ...]) -> tuple[tuple[np.ndarray, ...], ...]:
         """`KKT` with these factors."""
@@ -259,7 +261,9 @@ class FixedSetRod(Rod):
             return super().refactor(q, F)
         self.trace(q, F)
         self._normal = self.settled = None
-        self.rows = self.assemble(q, F, FRICTIONLESS)
+        points = self.points[: self.count]
+        points[:, BEFORE : BEFORE + 3] = points[:, FRICTION:BEFORE]  # what sticks holds the cable
+        self.rows = self.assemble(q, F, self.model if self.model == COULOMB else FRICTIONLESS)
         self.rotation, self.ready = 0.0, self.model == FRICTIONLESS
         return self.kkt_factor(0.0, 3 + self.count)
 

@@ -40,6 +40,13 @@ def gap_at(shape, s, obstacle, at):
         obstacle: (WIDTH,).
         at: `Surface`, overwritten.
     """
+    locate(shape, s, at)
+    return gap_here(obstacle, at)
+
+
+@njit(**LEAF)
+def locate(shape, s, at):
+    """Position, tangent and its derivative at arc length s; `shape`, `s`, `at`: as in `gap_at`."""
     q, c, (h, s0, tables) = shape
     position(c, h, s0, s, at.r)
     direction(q, h, s0, tables.nodes, s, at.t, at.dt)
@@ -47,6 +54,11 @@ def gap_at(shape, s, obstacle, at):
         long = elongation(c, h, s0, s)
         for a in range(3):
             at.dt[a] /= long
+
+
+@njit(**LEAF)
+def gap_here(obstacle, at):
+    """`gap_at` the position of `at`, with its tangent and that's derivative."""
     value = gap(obstacle, at.r, at.n, at.directions, at.bends)
     slope, curvature = 0.0, 0.0
     for a in range(3):
@@ -211,8 +223,10 @@ def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
             ob, s = obstacles[int(points[i, OBSTACLE])], points[i, ARC_LENGTH]
             _, _, curvature = gap_at(shape, s, ob, at)
             minimum = lowest(shape, s, spacing, ob)
+            # beside an edge the gap is curved as the face is, and at its minimum as the edge
+            _, _, there = gap_at(shape, minimum, ob, at)
             # the kink that its force makes moves with the point: the shape does not show it at the minimum
-            if 0.25 * points[i, FORCE] * abs(minimum - s) <= curvature:
+            if 0.25 * points[i, FORCE] * abs(minimum - s) <= max(curvature, there):
                 points[i, ARC_LENGTH] = minimum
         for _ in range(2):
             if points[i, INTERFACE] < 0.0 and not own_interface(points, count, i, h, s0):

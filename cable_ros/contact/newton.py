@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import INNER, njit
-from cable_ros.contact.assembly import assemble_kkt
+from cable_ros.contact.assembly import assemble_kkt, follow_obstacles
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
 from cable_ros.contact.detection import flatten, update_active_set
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
@@ -162,6 +162,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 new_rows, same, _ = assemble_kkt(
                     shape, (F_new, f), section, obstacles, history, contacts, count, kkt, full, tangent
                 )
+            if tangent and not known:
+                follow_obstacles(contacts, count, rows, new_rows if full else total_rows)
             changes += flips
             if full:
                 total_rows, holds, fresh, rotation = new_rows, True, True, 0.0

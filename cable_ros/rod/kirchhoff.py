@@ -374,7 +374,7 @@ class Rod:
         return self._wrench_error(q, F, self.re, np.zeros(self.g.size))
 
     def _wrench_error(self, q: np.ndarray, F: np.ndarray, re: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        rows = self.C, self.C, NO_DELTA, NO_LINES, NO_ELEMENTS
+        rows = self.C, self.C, NO_DELTA, NO_LINES, NO_ELEMENTS, NO_ELEMENTS
         return error_estimate.error(
             q, warm_step.spread(F, self.h), (self.qe, re, self.f), self.section, self.grid, self.enrichment,
             self.saddle, rows, 3, (NO_LINES, residual, self.shares),

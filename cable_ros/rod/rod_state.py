@@ -151,6 +151,8 @@ class ConstraintRows(NamedTuple):
     """(rows, 3) direction along which each row reads a position."""
     upto: np.ndarray
     """(rows,) number of whole elements before that position."""
+    owners: np.ndarray
+    """(rows,) which contact point's position it is; of the first three, the number of points."""
 
 
 class Enrichment(NamedTuple):
