@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.branch.shared_piece import Kept, SharedPiece
+from cable_ros.branch.results import Reader
+from cable_ros.branch.shared_piece import Kept, Place, SharedPiece
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.crossing import Curve
-from cable_ros.contact.distance import AXES, DIMENSIONS, OFFSET, SHAPE, SPHERE, WIDTH, placed
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, SHAPE, SPHERE, WIDTH, placed
 from cable_ros.contact.points import OBSTACLE
 from cable_ros.contact.report import contact_table
 from cable_ros.effects.effect import Properties
@@ -36,7 +37,7 @@ class Touch(NamedTuple):
     """How a cable touches one obstacle."""
 
     wrench: np.ndarray
-    """(6,) what it exerts on it, N and N m, about the world's origin."""
+    """(6,) what it exerts on it at the first point, N and N m, about the world's origin."""
     arc_length: float
     """Where, m; NaN: nowhere."""
     points: int
@@ -81,6 +82,7 @@ class CrossingCable(SharedPiece):
 
     def reset(self) -> None:
         super().reset()
+        self._reader, self._outline = Reader(), Reader()  # its length stays
         self._seen: dict[int, np.ndarray] = {}
 
     def _placed(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> np.ndarray:
@@ -130,6 +132,11 @@ class CrossingCable(SharedPiece):
         rod.set_conditions(rod.qe, rod.re, rod.f, obstacles)
         rod.refactor(self._q, self._F)
 
+    def attempt(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
+        """See `SharedPiece.attempt`; again for a cable that stretches, whose first step ends beside it."""
+        found = super().attempt(kinematics, joints, place)
+        return found and (self._compliance is None or super().attempt(kinematics, joints, place))
+
     def remember(self) -> Remembered:
         """The present equilibrium, for `recall`."""
         return Remembered(self.keep(), dict(self._seen))
@@ -142,15 +149,14 @@ class CrossingCable(SharedPiece):
     def curve(self, start: np.ndarray) -> Curve:
         """The centreline of the present equilibrium; `start` (7,): its start clamp."""
         rod = self._rod
-        assert rod is not None
-        return Curve.of(self._q, rod.mesh, start, self._units.length)
+        assert isinstance(rod, ActiveSetRod)
+        return Curve.of(self._q, rod.centreline(self._q, self._F), rod.mesh, start, self._units.length)
 
-    @property
-    def both_wrenches(self) -> np.ndarray:
-        """(12,) what it exerts on its start clamp and on its end clamp, along the clamps' axes, SI."""
+    def size_of(self, change: np.ndarray) -> float:
+        """Of a change (12,) of its wrenches on its start and end clamp, SI, relative to these."""
         assert self._rod is not None
         end, start = self.wrenches(self._rod)
-        return np.concatenate([start, end])
+        return max(self.difference(start + change[:6], start), self.difference(end + change[6:], end))
 
     def touches(self, slot: int, start: np.ndarray) -> Touch:
         """Where and how it presses on the obstacle in this slot; `start` (7,): its start clamp."""
@@ -161,9 +167,12 @@ class CrossingCable(SharedPiece):
         on = np.zeros(0, int) if table is None else np.flatnonzero(table.obstacle == self.first_slot + slot)
         if table is None or not len(on):
             return Touch(np.zeros(6), np.nan, 0)
-        force, r = table.force[on], table.position[on]
-        wrench = -np.concatenate([force, cross(r, force)], axis=1).sum(axis=0)
-        return Touch(wrench, float(table.arc_length[on[0]]), len(on))
+        # the normal at the cable's last shape: that of the table is of the iteration before
+        row, r = self._seen[slot], table.position[on[0]]
+        axis, across = row[AXES + 2 : DIMENSIONS : 3], r - row[CENTRE:AXES]
+        across = across - (across @ axis) * axis
+        force = -float(np.linalg.norm(table.force[on[0]])) * across / np.linalg.norm(across)
+        return Touch(np.concatenate([force, cross(r, force)]), float(table.arc_length[on[0]]), len(on))
 
     def response_of(self, slots: Sequence[int], poses: np.ndarray) -> np.ndarray:
         """(12 + 6 k, same) see `Equilibrium.wrench_response`, of the obstacles in k slots."""

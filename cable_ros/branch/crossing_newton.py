@@ -242,10 +242,9 @@ class CrossingNewton:
     def _size(self, step: np.ndarray, spacers: Sequence[Spacer]) -> float:
         """Of a step (5 k,): over the distance of the axes, or of a change of the wrenches."""
         least = min(one.apart for one in spacers)
-        wrenches = np.concatenate([cable.both_wrenches for cable in self.cables])
-        change = np.abs(self._spread @ step).reshape(-1, 2, 3).max(axis=2).reshape(-1, 2, 2).max(axis=1)
-        whole = np.abs(wrenches).reshape(-1, 2, 3).max(axis=2).reshape(-1, 2, 2).max(axis=1) + 1e-300
-        return max(float(np.abs(step).max()) / least, WRENCH * float((change / whole).max()))
+        changes = (self._spread @ step).reshape(-1, 12)
+        told = [cable.size_of(change) for cable, change in zip(self.cables, changes, strict=True)]
+        return max(float(np.abs(step).max()) / least, WRENCH * max(told))
 
     def _extrapolated(self, joints: np.ndarray) -> list[Spacer]:
         """The spacers there if they go on as in the last step."""

@@ -17,7 +17,6 @@ import numpy as np
 
 from cable_ros.contact.crossing_kernels import closest_points
 from cable_ros.contact.distance import AXES, CAPSULE, CENTRE, DIMENSIONS, OFFSET, SHAPE, WIDTH
-from cable_ros.contact.report import coefficients
 from cable_ros.linalg.cross import cross
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh
@@ -139,10 +138,10 @@ class Curve(NamedTuple):
     """m."""
 
     @classmethod
-    def of(cls, q: np.ndarray, mesh: Mesh, start: np.ndarray, length: float) -> Curve:
-        """With nodal frames q (n, 4) seen from the start clamp, which is at `start` (7,) in the world."""
+    def of(cls, q: np.ndarray, c: np.ndarray, mesh: Mesh, start: np.ndarray, length: float) -> Curve:
+        """With q (n, 4) and c seen from the start clamp, lengths, which is at `start` (7,) in the world."""
         turn = quaternion.matrix_from_ros(start[3:])
-        c = length * coefficients(q, mesh.lengths, mesh.element) @ turn.T
+        c = length * c @ turn.T
         c[:, 0] += start[:3]
         frames = np.empty_like(q)
         first = quaternion.from_ros(start[3:])

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two clamped rods that touch at one point, by shooting over both at once; shares no code with the solver.
 
-    dF/ds = -f,   dM/ds = -t x F,   R' = R [K^-1 R^T M]x,   r' = t,
+    dF/ds = -f,   dM/ds = -r' x F,   R' = R [K^-1 R^T M]x,   r' = (1 + F.t / EA) t,
 
 with jumps of F by -P in the first rod at the arc length a and by P in the second at b, P the force on the
 first. Its unknowns are closed by: both ends are where they are held; the line between the points is as long
@@ -45,12 +45,14 @@ def solve(
     def shot(cable: dict[str, Any], start: np.ndarray, P: np.ndarray, arc: float) -> tuple[np.ndarray, ...]:
         """State at the touching point and at the end: r, R by rows, F and M on what is before."""
         K, weight = np.array(cable["stiffness"], float), cable["linear_density"] * gravity
+        stretch = cable.get("axial_stiffness", np.inf)
 
         def slope(_: float, y: np.ndarray) -> np.ndarray:
             R, F, M = y[3:12].reshape(3, 3), y[12:15], y[15:]
             k = R.T @ M / K
             spin = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
-            return np.concatenate([R[:, 2], (R @ spin).ravel(), -weight, -np.cross(R[:, 2], F)])
+            along = (1.0 + F @ R[:, 2] / stretch) * R[:, 2]
+            return np.concatenate([along, (R @ spin).ravel(), -weight, -np.cross(along, F)])
 
         first = Rotation.from_euler("xyz", cable["start"]["rpy"]).as_matrix()
         y = np.concatenate([cable["start"]["position"], first.ravel(), -start])
