@@ -13,7 +13,7 @@ from pages import blocks
 from references import crossing
 from scipy.spatial.transform import Rotation
 
-from cable_ros.equilibrium import Equilibrium
+from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.joint import joint_load
 from cable_ros.scene import SceneError, load_scene
 from cable_ros.scene.text import parse_yaml
@@ -363,3 +363,32 @@ def test_cold_start_pushes_apart_cables_that_overlap() -> None:
     for name, one in followed.items():
         scale = np.linalg.norm(one.end_wrench)
         np.testing.assert_allclose(found[name].end_wrench, one.end_wrench, rtol=0.0, atol=1e-6 * scale)
+
+
+def test_cables_that_lie_along_each_other_are_told() -> None:
+    beside = ABOVE | {
+        "start": {"link": "tool", "position": [-0.2, 0.002, 0.0], "rpy": [0.0, math.pi / 2, 0.0]},
+        "end": {"link": "tool", "position": [0.2, 0.0, 0.0], "rpy": [0.0, math.pi / 2, 0.0]},
+    }
+    model = tracker([BELOW, beside], 1e-4)
+    assert model.solve({"lift": 0.02})["below"].converged
+    found = model.solve({"lift": 0.01})
+    for one in found.values():
+        assert one.status is Status.NOT_CONVERGED
+        assert "'below' and 'above' lie along each other" in one.message
+        assert np.isnan(one.end_wrench).all()
+    # and back where they are apart, it goes on
+    assert model.solve({"lift": 0.02})["below"].converged
+
+
+def test_temperature_changes_both() -> None:
+    """As if it had been cold from the start."""
+    cold = {"temperature": {"value": 20.0, "topic": "t", "table": [[-50, 2.0, 2.0], [20, 1.0, 1.0]]}}
+    model, other = (tracker([BELOW | cold, ABOVE], 1e-7) for _ in range(2))
+    lowered(model, -0.03)
+    model.set_environment({"temperature": -20.0})
+    other.set_environment({"temperature": -20.0})
+    changed, expected = model.solve({"lift": -0.03}), lowered(other, -0.03)
+    for name, one in changed.items():
+        scale = np.linalg.norm(expected[name].end_wrench)
+        np.testing.assert_allclose(one.end_wrench, expected[name].end_wrench, rtol=0.0, atol=1e-6 * scale)

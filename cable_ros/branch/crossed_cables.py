@@ -37,6 +37,7 @@ CHANGES = 6
 """Maximum number of times that contacts begin or end in one step."""
 NOT_SOLVED = "Cable '{}' could not be solved, and the cables may touch each other."
 NOT_TOGETHER = "Cables that touch each other could not be followed to this pose together."
+LYING = "Cables '{}' and '{}' lie along each other: contact between cables is modelled at points only."
 ON_GRID = "Cable '{}' lies on a grid of contacts, which cannot touch other cables."
 LOST = "the cables that touch each other could not be followed from pose to pose"
 
@@ -79,7 +80,7 @@ class CrossedCables(CrossingNewton):
                 unfinished = arrived is None
                 self._failures += not unfinished
                 status = Status.UNFINISHED if unfinished else Status.NOT_CONVERGED
-                message = status.sentence if unfinished else NOT_TOGETHER
+                message = status.sentence if unfinished else self._why()
                 return self._failed(status, message, begin)
         self._failures = 0
         return self._publish(kinematics, joints, poses, begin)
@@ -110,7 +111,7 @@ class CrossedCables(CrossingNewton):
         assert origin is not None
         distance = float(np.abs(joints - origin).max(initial=0.0))
         longest = LONGEST / max(distance, LONGEST)
-        at, step, self.iterations = 0.0, longest, 0
+        at, step, self.iterations, self.lying = 0.0, longest, 0, None
         while self.iterations < MOST_ITERATIONS:
             target = min(1.0, at + step)
             there = joints if target == 1.0 else origin + target * (joints - origin)
@@ -212,7 +213,7 @@ class CrossedCables(CrossingNewton):
                 break
             exact = self._newton(kinematics, joints, poses, self.spacers)
             if exact is None:
-                return self._failed(Status.NOT_CONVERGED, NOT_TOGETHER, begin)
+                return self._failed(Status.NOT_CONVERGED, self._why(), begin)
             self._accept(joints, self.pairs(poses), exact)
         for pair in overlapping(self._pairs, self.spacers):
             for i, k in (pair.cables, pair.cables[::-1]):
@@ -229,6 +230,12 @@ class CrossedCables(CrossingNewton):
             })
             for i, (one, cable) in enumerate(zip(found, self.cables, strict=True))
         ]  # fmt: skip
+
+    def _why(self) -> str:
+        """A sentence on why they could not be followed."""
+        if self.lying is None:
+            return NOT_TOGETHER
+        return LYING.format(*(self.cables[i].name for i in self.lying))
 
     def _failed(
         self, status: Status, message: str, begin: float, which: int | None = None

@@ -93,6 +93,8 @@ class CrossingNewton:
         self.spacers: list[Spacer] = []
         self.loose: set[int] = set()
         """Numbers of the spacers that a cable did not touch in the last attempt."""
+        self.lying: tuple[int, int] | None = None
+        """Numbers of two cables that touched at more than a point in an attempt of this solve."""
         self.iterations = 0  # of this solve
         self._joints: np.ndarray | None = None
         self._kept: list[Remembered] = []
@@ -204,6 +206,7 @@ class CrossingNewton:
             if any(touch.points == 0 for touch in touches):
                 self.loose.add(j)
             elif any(touch.points > 1 for touch in touches):
+                self.lying = one.cables
                 return None
             out[j] = one.basis().T @ (touches[0].wrench + touches[1].wrench)
         return None if self.loose else out.ravel()
