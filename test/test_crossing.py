@@ -110,6 +110,7 @@ def test_forces_are_in_balance() -> None:
     found = lowered(tracker([BELOW, ABOVE]), -0.03)
     (one,), (other,) = found["below"].contacts, found["above"].contacts
     assert (one.obstacle, other.obstacle) == ("above", "below")
+    assert (one.other_arc_length, other.other_arc_length) == (other.arc_length, one.arc_length)
     # Newton's method ends at a thousandth of the tolerance
     np.testing.assert_allclose(one.force, -other.force, rtol=1e-8)
     between = other.position - one.position

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from cable_ros.branch.shared_piece import Place
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.crossing import Spacer
 from cable_ros.contact.overlaps import with_overlap
-from cable_ros.equilibrium import Equilibrium, Overlap, Status
+from cable_ros.equilibrium import ContactTable, Equilibrium, Overlap, Status
 from cable_ros.scene import Kinematics, Scene
 
 LONGEST = 0.2
@@ -223,13 +225,24 @@ class CrossedCables(CrossingNewton):
             return found
         failed = [one for one in found if not one.status.trusted]
         tangent = CrossedTangent(self.cables, self.spacers, poses)
+        arcs = self._other_arcs(poses)
         return [
             Equilibrium.of(vars(one) | {
+                "_touching": partial(with_other_arcs, one._touching, arcs[i]),
                 "_tangent": OneOf(tangent, i), "_coupled": tangent if i == 0 and not failed else None,
-                "error_estimate": one.error_estimate / (cable.finer if one.contacts else 1.0),
+                "error_estimate": one.error_estimate / (cable.finer if arcs[i] else 1.0),
             })
             for i, (one, cable) in enumerate(zip(found, self.cables, strict=True))
         ]  # fmt: skip
+
+    def _other_arcs(self, poses: np.ndarray) -> list[dict[int, float]]:
+        """By cable and number of an obstacle that is another cable: the arc length on that one, m."""
+        out: list[dict[int, float]] = [{} for _ in self.cables]
+        for one in self.spacers:
+            touches = self._touches(one, poses)
+            for side, (cable, slot) in enumerate(zip(one.cables, one.slots, strict=True)):
+                out[cable][self.cables[cable].first_slot + slot] = touches[1 - side].arc_length
+        return out
 
     def _why(self) -> str:
         """A sentence on why they could not be followed."""
@@ -250,6 +263,16 @@ class CrossedCables(CrossingNewton):
             cable.failed(status, one, seconds if i == 0 else 0.0)
             for i, (cable, one) in enumerate(zip(self.cables, told, strict=True))
         ]
+
+
+def with_other_arcs(
+    read: Callable[[], ContactTable | None] | None, arcs: Mapping[int, float]
+) -> ContactTable | None:
+    """The contacts of a cable with the arc lengths on others, by number of the obstacle."""
+    table = None if read is None else read()
+    if table is None:
+        return None
+    return replace(table, other_arc_length=np.array([arcs.get(k, np.nan) for k in table.obstacle.tolist()]))
 
 
 def crossed_cables(scene: Scene, tracked: Sequence[CableTracker]) -> CrossedCables | None:
