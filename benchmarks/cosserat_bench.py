@@ -31,16 +31,20 @@ from cosseratbench.scenario import EndCondition, Rod, Scenario
 from cosseratbench.solver import Capability
 from cosseratbench.trajectory import Trajectory
 from scipy.integrate import solve_bvp
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from cable_ros import Equilibrium, Tracker, load_scene
 from cable_ros.bench.machine import describe
 from cable_ros.bench.markdown import markdown_table, write_between
+from cable_ros.joint import joint_load
 
 ROOT = Path(__file__).parents[1]
 TOLERANCE = 1e-6
 FREE_MOMENT = 1e-8
 """Moment, over the largest one before the ends were released, that counts as none."""
+LIFTED = 0.4
+"""Height, m, from which the upper of two ropes comes down."""
 MOST_TURNS = 12
 """Maximum number of steps in which the ends are released."""
 
@@ -99,16 +103,20 @@ class Statics:
     """A cosseratbench solver that goes to the end at once: every frame is the equilibrium."""
 
     name = "cable_ros"
-    capabilities = frozenset({Capability.STRETCH, Capability.CYLINDER_CONTACT, Capability.PLANE_CONTACT})
+    capabilities = frozenset({
+        Capability.STRETCH, Capability.CYLINDER_CONTACT, Capability.PLANE_CONTACT, Capability.ROD_CONTACT
+    })  # fmt: skip
 
     def run(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> Trajectory:
         """See `cosseratbench.solver.Solver`; n_elements is the number of the polyline's pieces only.
 
         Raises:
-            NotImplementedError: several rods, moving ends, obstacles, or ends that we do not have.
+            NotImplementedError: moving ends, obstacles, or ends that we do not have.
         """
+        if len(scenario.rods) > 1:
+            return trajectory(scenario, crossed(scenario, 2 * n_elements + 1), n_frames)
         rod = scenario.rods[0]
-        if len(scenario.rods) > 1 or scenario.obstacles or rod.start_motion or rod.end_motion:
+        if scenario.obstacles or rod.start_motion or rod.end_motion:
             raise NotImplementedError("free ends with contact, ends that move")
         nodes, normal = rod.nodes(4 * n_elements), rod.directors(4 * n_elements)
         start = clamp(nodes[0], nodes[1] - nodes[0], normal[0])
@@ -123,12 +131,69 @@ class Statics:
             found = released(scenario.gravity, cable(rod) | stretch | {"start": start, "end": end}, points)
         else:
             raise NotImplementedError("a cantilever, or pins at both ends")
-        frames = Rotation.from_quat(found.orientations[1::2]).apply([1.0, 0.0, 0.0])
-        every = (n_frames, 1, 1)
-        return Trajectory(
-            np.linspace(0.0, scenario.duration, n_frames),
-            (np.tile(found.points[::2], every),), (np.tile(frames, every),),
-        )  # fmt: skip
+        return trajectory(scenario, [found], n_frames)
+
+
+def trajectory(scenario: Scenario, found: list[Equilibrium], n_frames: int) -> Trajectory:
+    """Rods that rest."""
+    every, x = (n_frames, 1, 1), [1.0, 0.0, 0.0]
+    return Trajectory(
+        np.linspace(0.0, scenario.duration, n_frames),
+        tuple(np.tile(one.points[::2], every) for one in found),
+        tuple(np.tile(Rotation.from_quat(one.orientations[1::2]).apply(x), every) for one in found),
+    )
+
+
+def crossed(scenario: Scenario, points: int) -> list[Equilibrium]:
+    """Two ropes between pins: each pin is a joint, whose torque is zero; the second rope comes from above.
+
+    Pins do not go with contact, so Newton's method turns the joints by their torques' exact derivative.
+    """
+    links, joints, cables = ['<link name="world"/>'], [], []
+
+    def add(name: str, kind: str, parent: str, at: np.ndarray, axis: np.ndarray) -> None:
+        links.append(f'<link name="{name}"/>')
+        place, along = (" ".join(repr(float(v)) for v in vector) for vector in (at, axis))
+        joints.append(
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
+            f'<origin xyz="{place}"/><axis xyz="{along}"/>'
+            '<limit lower="-10" upper="10" effort="1" velocity="1"/></joint>'
+        )
+
+    add("lift", "prismatic", "world", np.zeros(3), np.eye(3)[2])
+    for rod, parent in zip(scenario.rods, ("world", "lift"), strict=True):
+        nodes, normal = rod.nodes(200), np.array(rod.normal)
+        own = cable(rod) | {"name": parent, "outer_diameter": 2.0 * rod.radius}
+        own["axial_stiffness"] = rod.material.youngs_modulus * rod.area
+        for end, point, tangent in (
+            ("start", nodes[0], nodes[1] - nodes[0]), ("end", nodes[-1], nodes[-1] - nodes[-2])
+        ):  # fmt: skip
+            add(f"{parent}_{end}", "revolute", parent, point, normal)
+            own[end] = {"link": f"{parent}_{end}"} | clamp(np.zeros(3), tangent, normal)
+        cables.append(own)
+    scene = {
+        "gravity": list(scenario.gravity), "robot": {"urdf": "pins.urdf"},
+        "cable_contact": True, "cables": cables,
+    }  # fmt: skip
+    urdf = f'<robot name="pins">{"".join(links + joints)}</robot>'
+    tracker = Tracker(load_scene(scene, urdf=urdf), TOLERANCE, points)
+    at = dict.fromkeys(tracker.joint_names, 0.0)
+    pins = [k for k, name in enumerate(tracker.joint_names) if name != "lift"]
+    first = None
+    for at["lift"] in (*np.linspace(LIFTED, 0.0, 11), *[0.0] * MOST_TURNS):
+        found = tracker.arrive(at)
+        if not all(one.status.trusted for one in found.values()):
+            raise RuntimeError(" ".join(one.message for one in found.values()))
+        if at["lift"] > 0.0:
+            continue
+        torque, stiffness = joint_load(tracker, found, at)
+        first = np.abs(torque[pins]).max() if first is None else first
+        if np.abs(torque[pins]).max() < FREE_MOMENT * first:
+            return list(found.values())
+        turns = np.linalg.solve(stiffness[np.ix_(pins, pins)], -torque[pins])
+        for k, turn in zip(pins, turns / max(1.0, np.abs(turns).max() / 0.3), strict=True):
+            at[tracker.joint_names[k]] += float(turn)
+    raise RuntimeError("The pins still carry a moment.")
 
 
 def critical_twist(tension: float = 10.0) -> float:
@@ -168,8 +233,9 @@ def exact_deflection(rod: Rod, force: float) -> float:
 def rod_error(name: str, scenario: Scenario, trajectory: Trajectory) -> float:
     """Error against the rod's own equations, bending and large deflections included; NaN where we have none.
 
-    `cantilever`: relative, of the tip's deflection. `catenary`, `crossing`: largest distance of a node from
-    the curve by cosseratbench's boundary-value problem of the elastica, in lengths of the rod.
+    `cantilever`: relative, of the tip's deflection. `catenary`: largest distance of a node from the curve by
+    cosseratbench's boundary-value problem of the elastica, in lengths of the rod. `crossing`: of a node from
+    its own place on that curve.
     """
     ends = [positions[-1] for positions in trajectory.positions]
     if name == "cantilever":
@@ -180,6 +246,11 @@ def rod_error(name: str, scenario: Scenario, trajectory: Trajectory) -> float:
         curve = np.zeros((2 * len(half) - 1, 3))
         curve[:, [0, 2]] = np.concatenate([half, [crossing.SPAN, 0.0] + half[-2::-1] * [-1.0, 1.0]])
         return max_distance_to_curve(ends[0], curve) / scenario.rods[0].length
+    if name == "crossing":
+        arc, *curves = crossing._shapes(*crossing._parameters(scenario), 2.0 * crossing.RADIUS)
+        own = (np.linspace(0.0, crossing.LENGTH, len(end)) for end in ends)
+        pairs = zip(ends, curves, own, strict=True)
+        return max(float(np.abs(CubicSpline(arc, curve)(at) - end).max()) for end, curve, at in pairs)
     return float("nan")
 
 

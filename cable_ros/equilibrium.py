@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -46,7 +47,7 @@ class Contact:
     """
 
     obstacle: str
-    """Its name in the scene."""
+    """Its name in the scene; with `cable_contact` also that of another cable."""
     arc_length: float
     """From the start, m."""
     position: np.ndarray
@@ -59,6 +60,8 @@ class Contact:
     """Of the part of the cable that the force is spread along, m; 0: a point force."""
     sliding: bool
     """Whether friction has given way; false without friction."""
+    other_arc_length: float | None = None
+    """Where on the other cable, from its start, m; None on an obstacle."""
 
     @property
     def normal_force(self) -> float:
@@ -91,7 +94,7 @@ class ContactTable:
     """All `Contact`s of a cable, by rising arc length, a field an array; world, SI units."""
 
     names: tuple[str, ...]
-    """Of the scene's obstacles."""
+    """Of the scene's obstacles, and of other cables that it touches."""
     obstacle: np.ndarray
     """(n,) int, in `names`."""
     arc_length: np.ndarray
@@ -106,6 +109,8 @@ class ContactTable:
     """(n,)."""
     sliding: np.ndarray
     """(n,) bool."""
+    other_arc_length: np.ndarray | None = None
+    """(n,) on the other cable, NaN on an obstacle; None: no contact is with a cable."""
 
     def contacts(self) -> tuple[Contact, ...]:
         """One by one."""
@@ -113,14 +118,20 @@ class ContactTable:
             self.obstacle.tolist(), self.arc_length.tolist(), self.position, self.normal, self.force,
             self.length.tolist(), self.sliding.tolist(), strict=True,
         )  # fmt: skip
-        return tuple(Contact(self.names[which], *row) for which, *row in rows)
+        found = tuple(Contact(self.names[which], *row) for which, *row in rows)
+        if self.other_arc_length is None:
+            return found
+        others = (None if math.isnan(s) else s for s in self.other_arc_length.tolist())
+        return tuple(replace(one, other_arc_length=s) for one, s in zip(found, others, strict=True))
 
     def obstacle_wrenches(self) -> dict[str, np.ndarray]:
         """See `Equilibrium.obstacle_wrenches`."""
         exerted = -np.concatenate([self.force, np.cross(self.position, self.force)], axis=1)
+        # another cable is there once for each place where it touches
+        which = [self.names.index(self.names[k]) for k in self.obstacle.tolist()]
         sums = np.zeros((len(self.names), 6))
-        np.add.at(sums, self.obstacle, exerted)
-        return {self.names[which]: sums[which] for which in sorted(set(self.obstacle.tolist()))}
+        np.add.at(sums, which, exerted)
+        return {self.names[k]: sums[k] for k in sorted(set(which))}
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ import numpy as np
 
 from cable_ros.branch import effect_selection
 from cable_ros.branch.coupled_pieces import coupled_pieces, kinds
+from cable_ros.branch.crossed_cables import crossed_cables
 from cable_ros.branch.pieces import joined, shares
 from cable_ros.branch.results import failed
 from cable_ros.common.compile_watch import GETTING
@@ -73,6 +74,7 @@ class Tracker:
             for kind, piece in zip(kinds(self.scene), self._pieces, strict=True)
         )
         self._coupled = coupled_pieces(self.scene, self._tracked_cables)
+        self._crossed = crossed_cables(self.scene, self._tracked_cables)
         self._groups: list[range] = []  # by cable: the numbers of its pieces
         for cable in self.scene.cables:
             begin = self._groups[-1].stop if self._groups else 0
@@ -174,6 +176,8 @@ class Tracker:
             tracked.reset()
         for coupled in self._coupled:
             coupled.reset()
+        if self._crossed is not None:
+            self._crossed.reset()
 
     def set_environment(self, values: Mapping[str, Any]) -> None:
         """Temperature, dose and what else the scene has tables for; holds until changed, also over `reset`.
@@ -198,6 +202,11 @@ class Tracker:
                 tracked.choice = None
 
     @property
+    def _shares(self) -> bool:
+        """Whether equilibria depend on each other."""
+        return bool(self._coupled) or self._crossed is not None
+
+    @property
     def left_out(self) -> dict[str, tuple[str, ...]]:
         """By cable: the effects that `effects: auto` leaves out at present."""
         out: dict[str, tuple[str, ...]] = {}
@@ -216,12 +225,14 @@ class Tracker:
 
     def snapshot(self) -> bytes:
         """What the next solve starts from, for `restore`, also in another process with the same versions."""
-        return pack((self._tracked_cables, self._coupled) if self._coupled else self._tracked_cables)
+        return pack(
+            (self._tracked_cables, self._coupled, self._crossed) if self._shares else self._tracked_cables
+        )
 
     def restore(self, snapshot: bytes) -> None:
         """Go on from a snapshot of a tracker of the same scene; tolerance and polyline points stay."""
-        if self._coupled:
-            self._tracked_cables, self._coupled = unpack(snapshot)
+        if self._shares:
+            self._tracked_cables, self._coupled, self._crossed = unpack(snapshot)
         else:
             self._tracked_cables = unpack(snapshot)
         for tracked in self._tracked_cables:
@@ -256,6 +267,8 @@ class Tracker:
         each = []
         poses = self.kinematics.poses(values)
         together = self._solve_coupled(values, poses, begin) if self._coupled else NOTHING
+        if self._crossed is not None:
+            together = dict(enumerate(self._crossed.solve(self.kinematics, values, poses, begin)))
         for i, tracked in enumerate(self._tracked_cables):
             if i in together:
                 found = together[i]
@@ -274,7 +287,7 @@ class Tracker:
             begin = time.perf_counter()
         self._joints = values
         out = dict(zip(self._names, each, strict=False)) if self._whole else self._joined(each, poses)
-        if len(out) > 1:
+        if len(out) > 1 and self._crossed is None:
             clamps = np.array([(poses[group[0], 0], poses[group[-1], 1]) for group in self._groups])
             self._pairs.mark(out, clamps, self._outlines(out, poses))
         if self.robot_overlaps.compared:

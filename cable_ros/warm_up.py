@@ -96,7 +96,7 @@ def warm_up(tracker: Tracker) -> None:
     for value in (0.0, 0.01):
         _solve(tracker, dict.fromkeys(tracker.joint_names, value))
     tracker.reset()
-    if tracker.scene.obstacles:
+    if tracker.scene.obstacles or tracker.scene.cable_contact:
         rehearse_contact()
         if any(cable.axial_stiffness is not None for cable in tracker.scene.cables):
             _solve(Tracker(load_scene(_PULLED)), {})
@@ -108,6 +108,9 @@ def rehearse_all() -> None:
     (cable,) = _LOOSE["cables"]
     for fields in ({}, stretches, {"end": cable["end"] | {"kind": "pinned"}}):
         _solve(Tracker(load_scene(_LOOSE | {"cables": [cable | fields]})), {})
+    beside = cable | {"name": "other", "end": cable["end"] | {"position": [0.3, 0.2, 0.8]}}
+    pair = [one | {"outer_diameter": 0.001} for one in (cable, beside)]
+    _solve(Tracker(load_scene(_LOOSE | {"cable_contact": True, "cables": pair})), {})
     _rehearse_arm("space_arm.yaml", (0.0, 0.5))
     _solve(Tracker(load_scene(_PULLED)), {})
     rehearse_contact()

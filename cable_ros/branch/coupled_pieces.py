@@ -12,6 +12,7 @@ import numpy as np
 from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupling import PER
+from cable_ros.branch.crossing_cable import CrossingCable
 from cable_ros.branch.released import Released
 from cable_ros.branch.shared_piece import Place, SharedPiece
 from cable_ros.equilibrium import Equilibrium, Status
@@ -239,6 +240,8 @@ class CoupledPieces(Released):
 
 def kinds(scene: Scene) -> list[type[CableTracker]]:
     """What tracks each of `Scene.pieces`."""
+    if scene.cable_contact:
+        return [CrossingCable] * len(scene.cables)
     return [
         SharedPiece if run.supports else CableTracker
         for cable in scene.cables

@@ -130,7 +130,7 @@ def _contacts(found: Sequence[Equilibrium], cuts: Sequence[float]) -> ContactTab
     columns = {
         field.name: np.concatenate([getattr(table, field.name) for table in tables])
         for field in dataclasses.fields(ContactTable)
-        if field.name != "names"
+        if field.name not in ("names", "other_arc_length")  # a cable with supports touches no other
     }
     return ContactTable(tables[0].names, **columns)
 

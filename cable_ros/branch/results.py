@@ -133,11 +133,19 @@ class Tangent:
 
     def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
         """See `Equilibrium.wrench_response`."""
+        return self.response_of(self.numbers(obstacles))
+
+    def numbers(self, obstacles: Sequence[str]) -> list[int]:
+        """Of obstacles by name."""
+        names = list(self._names)
+        return [names.index(name) for name in obstacles]
+
+    def response_of(self, moving: Sequence[int]) -> np.ndarray:
+        """The same for obstacles by number."""
         copy, q, F, unit, start = self._rod(), self._q, self._F, self._unit, self._start
-        moving, names = obstacles, list(self._names)
         scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2 + len(moving))
         scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2 + len(moving))
-        response = copy.wrench_response(q, F, [names.index(name) for name in moving])
+        response = copy.wrench_response(q, F, moving)
         response = -response * scale_wrench[:, None] / scale_motion[None, :]
         if moving:
             # obstacles: from the start clamp's frame to the world's

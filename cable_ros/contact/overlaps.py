@@ -144,8 +144,8 @@ class Pairs:
             needed = one.radius + other.radius
             apart = self._distance(i, k, outline(i), outline(k), needed)
             if apart < needed:
-                found[one.name] = _overlapping(found[one.name], Overlap(other.name, apart, needed))
-                found[other.name] = _overlapping(found[other.name], Overlap(one.name, apart, needed))
+                found[one.name] = with_overlap(found[one.name], Overlap(other.name, apart, needed))
+                found[other.name] = with_overlap(found[other.name], Overlap(one.name, apart, needed))
 
     def _distance(self, i: int, k: int, a: np.ndarray, b: np.ndarray, needed: float) -> float:
         """Smallest distance of the polylines but for what is beside a clamp that both share."""
@@ -162,7 +162,8 @@ class Pairs:
         return closest_between(a, b, steps[0], steps[1], needed) if len(a) and len(b) else np.inf
 
 
-def _overlapping(found: Equilibrium, overlap: Overlap) -> Equilibrium:
+def with_overlap(found: Equilibrium, overlap: Overlap) -> Equilibrium:
+    """A result that tells one more overlap with another cable."""
     message = (
         f"{found.message} Contact between cables is not modelled and matters here: it comes within "
         f"{overlap.distance * 1e3:.3g} mm of cable '{overlap.other}', less than the sum of their radii, "

@@ -96,6 +96,11 @@ class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
         self.trace(q)
         return partial(np.asarray, self.c.copy())
 
+    def centreline(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        self.trace(q, F)
+        out: np.ndarray = self.c[..., :3].copy()
+        return out
+
     def _bare(self, q: np.ndarray) -> np.ndarray:
         c = np.empty((*self.c.shape[:2], 3))
         curve(q, self.h, self.tables.values, self.tables.primitives, c)

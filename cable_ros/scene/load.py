@@ -57,6 +57,11 @@ SCENE = (
         "count", default="count", words=RADIUS_WORDS,
     ),
     Field(
+        "cable_contact", "true or false", "true or false",
+        "Whether the cables touch each other, without friction; if not, where they overlap is told.",
+        "true", default=False, absent="false",
+    ),
+    Field(
         "friction_model", "text", "coulomb or sliding",
         "Stick and slip, or the fully mobilised friction of (53) of Liu et al. (2018).",
         "coulomb", default="coulomb", words=("coulomb", "sliding"),
@@ -133,7 +138,12 @@ def load_scene(
         _check_strain_with_contact(top, cables, obstacles, effects)
         _check_clamps_with_contact(top, cables, effects)
         _check_friction_with_supports(top, cables, obstacles, effects)
-    return Scene(tuple(cables), gravity, robot, text, path, source, obstacles, friction_model, effects)
+    cable_contact = top.flag("cable_contact")
+    if cable_contact:
+        _check_cable_contact(top, cables, obstacles, effects)
+    return Scene(
+        tuple(cables), gravity, robot, text, path, source, obstacles, friction_model, cable_contact, effects
+    )
 
 
 def _check_strain_with_contact(
@@ -186,6 +196,34 @@ def _check_friction_with_supports(
                     "leave 'friction' of the obstacles out, or let 'effects' list what there is without it",
                     f"cables[{i}].supports",
                 )
+
+
+def _check_cable_contact(
+    top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], effects: str | tuple[str, ...]
+) -> None:
+    """Cables that touch each other are clamped at both ends, do not shear, and slide freely."""
+    hint = "yet; leave one of the two out"
+    if not (isinstance(effects, str) or "contact" in effects):
+        top.fail("needs the effect contact; add it to 'effects'", "cable_contact")
+    if any(obstacle.friction for obstacle in obstacles) and (
+        isinstance(effects, str) or "friction" in effects
+    ):
+        top.fail(f"friction of obstacles and cable_contact cannot be combined {hint}", "cable_contact")
+    names = {cable.name for cable in cables}
+    for i, cable in enumerate(cables):
+        for name, given in (
+            ("supports", bool(cable.supports)),
+            ("shear_stiffness", cable.shear_stiffness is not None),
+            ("start.kind", cable.start.kind != CLAMPED),
+            ("end.kind", cable.end.kind != CLAMPED),
+        ):
+            if given:
+                top.fail(f"this and cable_contact cannot be combined {hint}", f"cables[{i}].{name}")
+    for i, obstacle in enumerate(obstacles):
+        if obstacle.name in names:
+            top.fail(
+                "is the name of a cable, which cable_contact tells, too; give another", f"obstacles[{i}].name"
+            )
 
 
 def _effects(top: Section) -> str | tuple[str, ...]:

@@ -205,6 +205,8 @@ class Scene:
     obstacles: tuple[Obstacle, ...] = ()
     friction_model: str = "coulomb"
     """coulomb: stick and slip; sliding: fully mobilised against the end's motion, (53) of Liu et al."""
+    cable_contact: bool = False
+    """Whether cables touch each other; if not, where they overlap is told."""
     effects: str | tuple[str, ...] = "all"
     """auto: what matters at the tolerance; all: what has numbers in the scene; or some of `EFFECTS`."""
 

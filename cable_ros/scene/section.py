@@ -123,6 +123,13 @@ class Section:
             self.fail(f"'{word}' is not {field.remedy}{suggestion(word, field.words)}", name)
         return word
 
+    def flag(self, name: str) -> bool:
+        """True or false; the field's default where it is not given."""
+        value = self.fields[name].default if name not in self else self.get(name)
+        if not isinstance(value, bool):
+            self.fail(f"must be true or false, not {describe(value)}", name)
+        return value
+
     def table(self, name: str) -> np.ndarray:
         """(n, columns) numbers in two rows or more, each within its size, the first ones rising."""
         field, rows = self.fields[name], self.items(name)

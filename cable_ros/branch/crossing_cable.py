@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A cable that may touch other cables, each of which it sees as an obstacle where it does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.branch.results import Reader
+from cable_ros.branch.shared_piece import Kept, Place, SharedPiece
+from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.crossing import Curve
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, SHAPE, SPHERE, WIDTH, placed
+from cable_ros.contact.points import OBSTACLE
+from cable_ros.contact.report import contact_table
+from cable_ros.effects.effect import Properties
+from cable_ros.linalg.cross import cross
+from cable_ros.scene import Kinematics
+
+SLOTS = 6
+"""Maximum number of places where a cable touches others."""
+FINEST = 1e-12
+"""Minimum tolerance, relative."""
+WORLD = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+
+
+def _nowhere() -> np.ndarray:
+    """(WIDTH,) an obstacle that is nowhere, in units of the cable."""
+    row = np.zeros(WIDTH)
+    row[SHAPE], row[AXES:DIMENSIONS], row[OFFSET] = SPHERE, np.eye(3).ravel(), -1e6
+    return row
+
+
+class Touch(NamedTuple):
+    """How a cable touches one obstacle."""
+
+    wrench: np.ndarray
+    """(6,) what it exerts on it at the first point, N and N m, about the world's origin."""
+    arc_length: float
+    """Where, m; NaN: nowhere."""
+    points: int
+    """Number of points; more than one where it lies along it, or meets it twice."""
+
+    @property
+    def force(self) -> float:
+        """N."""
+        return float(np.linalg.norm(self.wrench[:3]))
+
+
+class Remembered(NamedTuple):
+    """An equilibrium of a cable among what it saw."""
+
+    kept: Kept
+    seen: dict[int, np.ndarray]
+    """(WIDTH,) obstacles by slot, world, SI."""
+
+
+class CrossingCable(SharedPiece):
+    """One cable with `SLOTS` obstacles more than the scene has, which its group moves."""
+
+    asked = 0.0
+    """Accepted relative error of the wrenches of cables that touch."""
+    finer = 1.0
+    """How much finer each of them is solved by itself: a point that is off turns the short line between two
+    touching points, and with it the force, by many times as much."""
+
+    @property
+    def tolerance(self) -> float:
+        """Of this cable among resting obstacles."""
+        return max(self.asked * self.finer, FINEST)
+
+    @tolerance.setter
+    def tolerance(self, value: float) -> None:
+        self.asked = value
+
+    def _use(self, properties: Properties) -> None:
+        super()._use(properties)
+        if self._obstacles is None:
+            self._obstacles = np.zeros((0, WIDTH))
+
+    def reset(self) -> None:
+        super().reset()
+        self._reader, self._outline = Reader(), Reader()  # its length stays
+        self._seen: dict[int, np.ndarray] = {}
+
+    def _placed(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        fixed = super()._placed(kinematics, joints, poses)
+        assert fixed is not None
+        slots = np.tile(_nowhere(), (SLOTS, 1))
+        if self._seen:
+            rows = np.stack(list(self._seen.values()))
+            slots[list(self._seen)] = placed(
+                rows, WORLD.repeat(len(rows), axis=0), poses[0], self._units.length
+            )
+        return np.concatenate([fixed, slots])
+
+    @property
+    def first_slot(self) -> int:
+        """Number of its first slot among its obstacles."""
+        assert self._obstacles is not None
+        return len(self._obstacles)
+
+    def name_others(self, others: dict[int, str]) -> None:
+        """Which cable each slot stands for, by slot."""
+        fixed = tuple(self._names)[: self.first_slot]
+        self._names = (*fixed, *(others.get(slot, "") for slot in range(SLOTS)))
+
+    def see(
+        self, seen: dict[int, np.ndarray], kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray
+    ) -> None:
+        """Have these obstacles (WIDTH,), world, SI, by slot; poses (2, 7): of the clamps, at `joints`.
+
+        One that comes or goes does so at once, also from the last equilibrium; others move with the next
+        step.
+        """
+        before, self._seen = self._seen, dict(seen)
+        changed = seen.keys() ^ before.keys()
+        rod = self._rod
+        if not changed or rod is None:
+            return
+        assert isinstance(rod, ActiveSetRod)
+        assert rod.obstacles is not None
+        which = [self.first_slot + slot for slot in changed]
+        obstacles = rod.obstacles.copy()
+        obstacles[which] = self._placed(kinematics, joints, poses)[which]
+        points, _, h, s0 = rod.state()
+        points = points[~np.isin(points[:, OBSTACLE].astype(int), which)]
+        rod.restore((points, len(points), h, s0))
+        rod.ready = False
+        rod.set_conditions(rod.qe, rod.re, rod.f, obstacles)
+        rod.refactor(self._q, self._F)
+
+    def attempt(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
+        """See `SharedPiece.attempt`; again for a cable that stretches, whose first step ends beside it."""
+        found = super().attempt(kinematics, joints, place)
+        return found and (self._compliance is None or super().attempt(kinematics, joints, place))
+
+    def remember(self) -> Remembered:
+        """The present equilibrium, for `recall`."""
+        return Remembered(self.keep(), dict(self._seen))
+
+    def recall(self, known: Remembered) -> None:
+        """Return to an equilibrium of the same rod."""
+        self._seen = known.seen
+        self.put_back(known.kept)
+
+    def curve(self, start: np.ndarray) -> Curve:
+        """The centreline of the present equilibrium; `start` (7,): its start clamp."""
+        rod = self._rod
+        assert isinstance(rod, ActiveSetRod)
+        return Curve.of(self._q, rod.centreline(self._q, self._F), rod.mesh, start, self._units.length)
+
+    def size_of(self, change: np.ndarray) -> float:
+        """Of a change (12,) of its wrenches on its start and end clamp, SI, relative to these."""
+        assert self._rod is not None
+        end, start = self.wrenches(self._rod)
+        return max(self.difference(start + change[:6], start), self.difference(end + change[6:], end))
+
+    def touches(self, slot: int, start: np.ndarray) -> Touch:
+        """Where and how it presses on the obstacle in this slot; `start` (7,): its start clamp."""
+        rod = self._rod
+        assert rod is not None
+        loaded = rod.loaded_contacts(self._q)
+        table = None if loaded is None else contact_table(loaded, self._names, start, self._units)
+        on = np.zeros(0, int) if table is None else np.flatnonzero(table.obstacle == self.first_slot + slot)
+        if table is None or not len(on):
+            return Touch(np.zeros(6), np.nan, 0)
+        # the normal at the cable's last shape: that of the table is of the iteration before
+        row, r = self._seen[slot], table.position[on[0]]
+        axis, across = row[AXES + 2 : DIMENSIONS : 3], r - row[CENTRE:AXES]
+        across = across - (across @ axis) * axis
+        force = -float(np.linalg.norm(table.force[on[0]])) * across / np.linalg.norm(across)
+        return Touch(np.concatenate([force, cross(r, force)]), float(table.arc_length[on[0]]), len(on))
+
+    def response_of(self, slots: Sequence[int], poses: np.ndarray) -> np.ndarray:
+        """(12 + 6 k, same) see `Equilibrium.wrench_response`, of the obstacles in k slots."""
+        return self.tangent(poses).response_of([self.first_slot + slot for slot in slots])

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Newton's method for cables that touch each other at given places, and the pairs of points that may."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.branch.crossing_balance import CrossedTangent
+from cable_ros.branch.crossing_cable import CrossingCable, Remembered, Touch
+from cable_ros.branch.shared_piece import Place
+from cable_ros.contact.crossing import FREEDOMS, Closest, Spacer, candidates, closest
+from cable_ros.contact.overlaps import SPACING
+from cable_ros.scene import Kinematics
+
+ITERATIONS = 25
+"""Maximum number of steps of Newton's method."""
+SLOW, STALLED = 0.2, 0.5
+"""Rate of convergence beyond which the tangent is renewed, and beyond which a renewed one fails."""
+MOST_SLOW = 2
+"""Maximum number of the latter."""
+FARTHEST = 0.3
+"""Maximum step of Newton's method, as a fraction of the distance of the axes."""
+WRENCH = 0.1
+"""Weight of a relative change of the wrenches beside such a step."""
+NOISE, ROUNDING = 0.02, 2e-9
+"""Fraction of the tolerance, and size, below which steps that stall are rounding of the cables' solutions."""
+EXACT = 1e-3
+"""Fraction of the tolerance at which the steps end."""
+FINER = 0.1
+"""Tolerance of each cable over that of all together, in the distance of the axes over the cable's length."""
+RENEWED = 0.02
+"""Motion of clamps and spacers, rad or parts of the length, after which stability is judged again."""
+TANGENT = 4
+"""Work of a tangent, in iterations."""
+NEAR = 3.0
+"""Distance along a cable, in distances of the axes, within which two pairs of closest points are the same."""
+TOUCHES = 1e-9
+"""Depth of an overlap that is rounding, as a fraction of the distance of the axes."""
+AHEAD = 0.1
+"""Distance of two cables, in the length of the longer one, within which their closest points are watched."""
+
+
+class Pair(NamedTuple):
+    """Points of two cables that are closest nearby."""
+
+    cables: tuple[int, int]
+    """Their numbers, rising."""
+    closest: Closest
+    apart: float
+    """Distance at which they touch, m."""
+    inside: bool
+    """Whether both are between the ends of their cables, where they can touch."""
+
+    def known_to(self, spacers: Sequence[Spacer]) -> bool:
+        """Whether a spacer is there."""
+        return any(
+            one.cables == self.cables
+            and float(np.linalg.norm(one.centres[::-1] - self.closest.points, axis=1).max())
+            < NEAR * self.apart
+            for one in spacers
+        )
+
+
+def overlapping(pairs: Sequence[Pair], spacers: Sequence[Spacer]) -> list[Pair]:
+    """The pairs of points that overlap without one of these spacers."""
+    return [
+        pair for pair in pairs
+        if pair.closest.distance < (1.0 - TOUCHES) * pair.apart and not pair.known_to(spacers)
+    ]  # fmt: skip
+
+
+class CrossingNewton:
+    """The cables of a group, and where they touch at their last equilibrium.
+
+    Args:
+        cables: of the group.
+        radii: of each, m; one of radius 0 touches no other.
+    """
+
+    def __init__(self, cables: Sequence[CrossingCable], radii: Sequence[float]) -> None:
+        self.cables, self._radii = tuple(cables), tuple(radii)
+        for i, cable in enumerate(self.cables):
+            others = [r for k, r in enumerate(self._radii) if k != i and r and self._radii[i]]
+            if others:
+                cable.finer = FINER * (self._radii[i] + min(others)) / cable.length
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the equilibria."""
+        self.spacers: list[Spacer] = []
+        self.loose: set[int] = set()
+        """Numbers of the spacers that a cable did not touch in the last attempt."""
+        self.lying: tuple[int, int] | None = None
+        """Numbers of two cables that touched at more than a point in an attempt of this solve."""
+        self.iterations = 0  # of this solve
+        self._joints: np.ndarray | None = None
+        self._kept: list[Remembered] = []
+        self._spare: list[Remembered] = []
+        self._before: tuple[np.ndarray, list[Spacer]] | None = None  # the step before the last
+        self._pairs: list[Pair] = []
+        self._inverse: np.ndarray | None = None
+        self._spread, self._is_minimum = np.zeros((0, 0)), False
+        self._judged: np.ndarray | None = None  # where clamps and spacers were then
+        for cable in self.cables:
+            cable.reset()
+
+    def _name_slots(self) -> None:
+        """Tell each cable which others are in its slots."""
+        names: list[dict[int, str]] = [{} for _ in self.cables]
+        for one in self.spacers:
+            (i, k), (a, b) = one.cables, one.slots
+            names[i][a], names[k][b] = self.cables[k].name, self.cables[i].name
+        for cable, others in zip(self.cables, names, strict=True):
+            cable.name_others(others)
+
+    def _accept(self, joints: np.ndarray, pairs: Sequence[Pair], spacers: Sequence[Spacer]) -> None:
+        """Take the present equilibria and `pairs` for those at `joints`, with axes along the cables."""
+        same = [one.slots for one in spacers] == [one.slots for one in self.spacers]
+        self._before = (self._joints, self.spacers) if same and self._joints is not None else None
+        self._joints, self._pairs, self.spacers = joints, list(pairs), []
+        for one in spacers:
+            tangents = next((pair.closest.tangents for pair in pairs if pair.known_to([one])), one.axes[::-1])
+            self.spacers.append(one.along(tangents))
+        self._kept = [cable.remember() for cable in self.cables]
+
+    def _touches(self, spacer: Spacer, poses: np.ndarray) -> list[Touch]:
+        """How its two cables press on it."""
+        return [
+            self.cables[cable].touches(slot, poses[cable, 0])
+            for cable, slot in zip(spacer.cables, spacer.slots, strict=True)
+        ]
+
+    def _show(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, spacers: Sequence[Spacer]
+    ) -> None:
+        """Have each cable see its spacers."""
+        seen: list[dict[int, np.ndarray]] = [{} for _ in self.cables]
+        for one in spacers:
+            for side, (cable, slot) in enumerate(zip(one.cables, one.slots, strict=True)):
+                seen[cable][slot] = one.obstacle(side, self._radii[one.cables[1 - side]])
+        for tracked, rows, own in zip(self.cables, seen, poses, strict=True):
+            tracked.see(rows, kinematics, joints, own)
+
+    def _checkpoint(self) -> None:
+        """Remember the present equilibria on the way to those of a pose."""
+        self._spare = [cable.remember() for cable in self.cables]
+
+    def _restore(self, known: Sequence[Remembered]) -> None:
+        """Return to a checkpoint, or to the last equilibrium."""
+        for cable, one in zip(self.cables, known, strict=True):
+            cable.recall(one)
+        self._inverse = None
+
+    def _newton(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, guess: Sequence[Spacer]
+    ) -> list[Spacer] | None:
+        """The spacers in balance near a guess, each cable in equilibrium among them; None: not found."""
+        spacers, tolerance = list(guess), self.cables[0].asked
+        size, slow = np.inf, 0
+        self.loose = set()
+        for iteration in range(ITERATIONS):
+            self.iterations += 1
+            self._show(kinematics, joints, poses, spacers)
+            for cable, own in zip(self.cables, poses, strict=True):
+                if not cable.attempt(kinematics, joints, Place(own, cable.length)):
+                    return None
+                if not np.isfinite(cable.end_force).all():
+                    return None
+            if not spacers:
+                return spacers
+            residual = self._residual(spacers, poses)
+            if residual is None:
+                return None
+            step, new = self._step(residual, spacers)
+            if iteration and new > STALLED * size and new <= max(NOISE * tolerance, ROUNDING):
+                return spacers
+            if new > SLOW * size or not new <= FARTHEST:
+                if not self._renew(spacers, poses):
+                    return None
+                step, new = self._step(residual, spacers)
+                slow += new > STALLED * size and new < FARTHEST
+                if slow > MOST_SLOW or not np.isfinite(new):
+                    return None
+            if new <= EXACT * tolerance:
+                return spacers
+            size, part = new, min(1.0, FARTHEST / new)
+            each = part * step.reshape(-1, FREEDOMS)
+            spacers = [one.moved(own) for one, own in zip(spacers, each, strict=True)]
+        return None
+
+    def _step(self, residual: np.ndarray, spacers: Sequence[Spacer]) -> tuple[np.ndarray, float]:
+        """Newton's step (5 k,) by the last tangent, and its size; infinite without one."""
+        if self._inverse is None or len(self._inverse) != len(residual):
+            return residual, np.inf
+        step = -self._inverse @ residual
+        return step, self._size(step, spacers)
+
+    def _residual(self, spacers: Sequence[Spacer], poses: np.ndarray) -> np.ndarray | None:
+        """(5 k,) forces on the spacers, see `Spacer.basis`; None: some are not pressed at one point each."""
+        out = np.empty((len(spacers), FREEDOMS))
+        for j, one in enumerate(spacers):
+            touches = self._touches(one, poses)
+            if any(touch.points == 0 for touch in touches):
+                self.loose.add(j)
+            elif any(touch.points > 1 for touch in touches):
+                self.lying = one.cables
+                return None
+            out[j] = one.basis().T @ (touches[0].wrench + touches[1].wrench)
+        return None if self.loose else out.ravel()
+
+    def _renew(self, spacers: Sequence[Spacer], poses: np.ndarray) -> bool:
+        """Invert the tangent at the present equilibria; whether it can be inverted."""
+        self.iterations += TANGENT
+        system = CrossedTangent(self.cables, spacers, poses).system()
+        try:
+            self._inverse, self._spread = np.linalg.inv(system.tangent), system.spread
+            self._is_minimum = system.stable
+        except np.linalg.LinAlgError:
+            return False
+        return bool(np.isfinite(self._inverse).all())
+
+    def _stable(self, poses: np.ndarray, spacers: Sequence[Spacer]) -> bool:
+        """Whether the present equilibria are a minimum of the energy of all cables together.
+
+        Judged again if spacers or clamps have moved.
+        """
+        if not spacers:
+            return True
+        length = max(cable.length for cable in self.cables)
+        here = np.concatenate([
+            (poses / ([length] * 3 + [1.0] * 4)).ravel(),
+            np.concatenate([one.centres.ravel() for one in spacers]) / length,
+        ])  # fmt: skip
+        before = self._judged
+        if before is not None and len(before) == len(here) and np.abs(here - before).max() < RENEWED:
+            return True
+        if not self._renew(spacers, poses):
+            return False
+        self._judged = here if self._is_minimum else None
+        return self._is_minimum
+
+    def _size(self, step: np.ndarray, spacers: Sequence[Spacer]) -> float:
+        """Of a step (5 k,): over the distance of the axes, or of a change of the wrenches."""
+        least = min(one.apart for one in spacers)
+        changes = (self._spread @ step).reshape(-1, 12)
+        told = [cable.size_of(change) for cable, change in zip(self.cables, changes, strict=True)]
+        return max(float(np.abs(step).max()) / least, WRENCH * max(told))
+
+    def _extrapolated(self, joints: np.ndarray) -> list[Spacer]:
+        """The spacers there if they go on as in the last step."""
+        if self._before is None or not self.spacers or self._joints is None:
+            return self.spacers
+        last, step = self._joints - self._before[0], joints - self._joints
+        size = float(last @ last)
+        ratio = float(last @ step) / size if size > 0.0 else 0.0
+        if not 0.0 < ratio <= 2.0 or np.abs(step - ratio * last).max() > 0.1 * np.abs(step).max():
+            return self.spacers
+        return [
+            now.moved(ratio * before.step_to(now))
+            for before, now in zip(self._before[1], self.spacers, strict=True)
+        ]
+
+    def pairs(self, poses: np.ndarray) -> list[Pair]:
+        """Where two cables with a radius come near each other; `poses` (n, 2, 7): of the clamps."""
+        out: list[Pair] = []
+        lines = [cable.outline(own[0]) for cable, own in zip(self.cables, poses, strict=True)]
+        curves = [cable.curve(own[0]) for cable, own in zip(self.cables, poses, strict=True)]
+        for i, a in enumerate(curves):
+            for k, b in enumerate(curves[i + 1 :], i + 1):
+                apart = self._radii[i] + self._radii[k]
+                if not (self._radii[i] and self._radii[k]):
+                    continue
+                reach = apart + AHEAD * max(a.length, b.length)
+                for s in candidates(lines[i], lines[k], reach):
+                    found = closest(a, b, s)
+                    if not self._at_shared_clamp(found, poses[[i, k]], apart):
+                        inside = not found.at_end((a.length, b.length))
+                        out.append(Pair((i, k), found, apart, inside))
+        return out
+
+    @staticmethod
+    def _at_shared_clamp(found: Closest, poses: np.ndarray, apart: float) -> bool:
+        """Whether the points are beside clamps of both, which are closer than the cables are thick."""
+        return any(
+            float(np.linalg.norm(p[:3] - r[:3])) < apart
+            and float(np.linalg.norm(found.points - np.stack([p[:3], r[:3]]), axis=1).min()) < SPACING * apart
+            for p in poses[0]
+            for r in poses[1]
+        )
+
+    def _passed(self, pairs: Sequence[Pair]) -> bool:
+        """Whether two cables have passed through each other since the last equilibrium."""
+        for one in pairs:
+            for before in self._pairs:
+                if one.cables != before.cables or not (one.inside and before.inside):
+                    continue
+                shift = np.abs(np.subtract(one.closest.arcs, before.closest.arcs)).max()
+                same = shift < AHEAD * max(cable.length for cable in self.cables)
+                if same and float(one.closest.normal @ before.closest.normal) < 0.0:
+                    return True
+        return False
