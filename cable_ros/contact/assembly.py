@@ -12,18 +12,18 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.contact_state import PointTerms, surface
-from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT, across, pull
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, across, pull
 from cable_ros.contact.friction_kernels import (
     ACROSS,
     DIRECTION,
     FRICTIONLESS,
     STIFFNESS,
     TANGENT,
-    carry,
     stick_stiffness,
     update_friction,
 )
 from cable_ros.contact.interfaces import gap_here, locate
+from cable_ros.contact.moving_obstacles import carry, obstacle_motion
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -415,50 +415,6 @@ def stick_constraints(points, i, misfits, lines, gaps):
             gaps[k - 3] = (
                 misfits[i, 0] * lines[k, 0] + misfits[i, 1] * lines[k, 1] + misfits[i, 2] * lines[k, 2]
             )
-
-
-@njit(**LEAF)
-def obstacle_motion(old, new, r, out):
-    """How far an obstacle carries the position r (3,) from `old` to `new` (WIDTH,); exactly 0 at rest.
-
-    Args:
-        old, new: the obstacle before and after the step.
-        r: the position, L.
-        out: (3,) receives the motion, L.
-    """
-    still = True
-    for k in range(CENTRE, DIMENSIONS):
-        still = still and old[k] == new[k]
-    for a in range(3):
-        out[a] = 0.0
-        if still:
-            continue
-        for b in range(3):
-            # y_b, the position along the obstacle's axis b
-            y = 0.0
-            for c in range(3):
-                y += old[AXES + 3 * c + b] * (r[c] - old[CENTRE + c])
-            out[a] += new[AXES + 3 * a + b] * y
-        out[a] += new[CENTRE + a] - r[a]
-
-
-@njit(**INNER)
-def follow_obstacles(contacts, count, rows, total):
-    """Let the constraint rows of a tangent step read positions relative to the obstacles, which move.
-
-    Args:
-        contacts, count: as in `assemble_kkt`.
-        rows: `ConstraintRows`.
-        total: their number.
-    """
-    points, gaps, normals = contacts
-    for i in range(count):
-        for a in range(3):
-            gaps[i] -= normals[i, a] * points[i, MOTION + a]
-    for b in range(3 + count, total):
-        i = rows.owners[b]
-        for a in range(3):
-            gaps[b - 3] -= rows.lines[b, a] * points[i, MOTION + a]
 
 
 @njit(**LEAF)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
-from cable_ros.contact.distance import AXES, CENTRE, FRICTION_COEFFICIENT
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.points import BEFORE, FORCE, FRICTION, OBSTACLE, SLIPS
 
 DIRECTION, ACROSS, STIFFNESS, TANGENT = 0, 3, 6, 7
@@ -133,19 +133,3 @@ def slip_change(points, count, obstacles):
             for a in range(3):
                 change += abs(points[i, FRICTION + a] - points[i, BEFORE + a])
     return change, possible
-
-
-@njit(**INNER)
-def carry(old, new, r, v):
-    """Move the position r (3,) and turn the vector v (3,) with an obstacle, from `old` to `new` (WIDTH,)."""
-    y, w = np.zeros(3), np.zeros(3)
-    for i in range(3):
-        for j in range(3):
-            y[i] += old[AXES + 3 * j + i] * (r[j] - old[CENTRE + j])
-            w[i] += old[AXES + 3 * j + i] * v[j]
-    for i in range(3):
-        r[i] = new[CENTRE + i]
-        v[i] = 0.0
-        for j in range(3):
-            r[i] += new[AXES + 3 * i + j] * y[j]
-            v[i] += new[AXES + 3 * i + j] * w[j]

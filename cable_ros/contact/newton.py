@@ -6,11 +6,12 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import INNER, njit
-from cable_ros.contact.assembly import assemble_kkt, follow_obstacles
+from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
 from cable_ros.contact.detection import flatten, update_active_set
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.interfaces import place_points
+from cable_ros.contact.moving_obstacles import follow_obstacles
 from cable_ros.contact.patch_ends import move_ends, shrink
 from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
 from cable_ros.contact.points import (
