@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from cable_ros.common.memory import give_back
 from cable_ros.joint import joint_load
 from cable_ros.scene import SceneError, load_scene
 from cable_ros.share import share_file
@@ -100,6 +101,7 @@ def warm_up(tracker: Tracker) -> None:
         rehearse_contact()
         if any(cable.axial_stiffness is not None for cable in tracker.scene.cables):
             _solve(Tracker(load_scene(_PULLED)), {})
+    give_back()  # the scenes of our own and what was read to load code are a quarter of a node's memory
 
 
 def rehearse_all() -> None:
