@@ -9,7 +9,7 @@ from cable_ros.branch.cold_start import LENIENT, LIMIT, Conditions, Found, Sough
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.grid_friction import Friction
 from cable_ros.contact.nodal_contacts import MOST, point_count
-from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.nodal_rod import FINER, NodalRod
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, KIND, OBSTACLE, SAMPLE
@@ -23,8 +23,9 @@ from cable_ros.rod.rod_state import TWIST
 from cable_ros.rod.units import relative_change
 from cable_ros.solve.trust_region import Options
 
-ALIKE = 0.05
-"""Maximum relative difference of the end wrenches of one equilibrium in both formulations."""
+ALIKE, FARTHEST = 0.05, 0.25
+"""Maximum relative difference of the end wrenches of one equilibrium in both formulations: to be published,
+and of a grid that keeps the branch, from which friction may slide to where it belongs."""
 TURNED = 0.1
 """Maximum rotation of a section, rad, between both."""
 SETTLE = Options(
@@ -67,10 +68,19 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.contact_force()))
     count = max(point_count(float(force)), int(min(CELLS / _longest_span(points), MOST)))
-    new = NodalRod(rod.K, rod.natural, rod.obstacles, count, rod.model == COULOMB)
-    new.work = max(rod.work, WORK)
-    adopted = new.adopt(rod, q, F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int))
-    return new if adopted else None
+    rod.refactor(q, F)
+    best, least = None, FARTHEST
+    for cells in (count, int(FINER * count)):
+        new = NodalRod(rod.K, rod.natural, rod.obstacles, cells, rod.model == COULOMB)
+        new.work = max(rod.work, WORK)
+        if new.adopt(rod, q, F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int)):
+            away = apart(new, rod, F)
+            new.doubt(away)
+            if away < least:
+                best, least = new, away
+        if least < ALIKE:
+            break
+    return best
 
 
 def _longest_span(points: np.ndarray) -> float:
@@ -240,11 +250,11 @@ def _same(rod: NodalRod, found: Found) -> bool:
     b = found.rod.mesh.interpolate(found.q, GRID)
     if np.abs(np.sum(a * b, axis=1)).min() < np.cos(0.5 * TURNED):
         return False
-    return apart(rod, found) < ALIKE
+    return apart(rod, found.rod, found.F) < ALIKE
 
 
-def apart(rod: NodalRod, found: Found) -> float:
-    """Relative difference of the end wrenches."""
+def apart(rod: NodalRod, other: Rod, F: np.ndarray) -> float:
+    """Relative difference of the end wrench from that of another rod, whose end force is F (3,)."""
     mine = np.concatenate((rod.state.F[-1], rod.g[-1]))
-    theirs = np.concatenate((found.F, found.rod.g[-1]))
+    theirs = np.concatenate((F, other.g[-1]))
     return float(relative_change(mine - theirs, theirs, rod.least))

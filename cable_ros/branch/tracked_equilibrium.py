@@ -283,7 +283,7 @@ class TrackedEquilibrium(CableModel):
         if found is None:
             return
         if rubs:
-            apart = handover.apart(rod, found)
+            apart = handover.apart(rod, found.rod, found.F)
             if apart > self._estimate:
                 return  # its friction is not that of the grid
             # friction of points that slip follows from the motion; what sticks keeps the grid's error

@@ -224,6 +224,10 @@ class NodalRod(NodalSolver):
             self.twin_error = 0.0  # that friction is the other rod's, without a step on this grid
         return True
 
+    def doubt(self, error: float) -> None:
+        """Let the relative error of the end wrench be this much at least, and fade slowly: it is friction's."""
+        self.twin_error, self._estimate = max(self.twin_error, error), max(self._estimate, error)
+
     def pair(self) -> None:
         """Make the twin, of fewer cells, whose end wrench shows the error of the grid."""
         twin = NodalRod(self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb)

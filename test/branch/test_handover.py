@@ -9,6 +9,7 @@ from zoo_drawn import in_slot
 
 from cable_ros import Tracker
 from cable_ros.bench.cases import Case, case_scene
+from cable_ros.bench.drawn import drawn_case
 from cable_ros.branch import handover
 from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
 from cable_ros.contact.friction_kernels import COULOMB
@@ -18,9 +19,9 @@ from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, SLIPS
 from cable_ros.contact.touching_rod import TouchingRod
 
 
-def led(case: Case, poses: int) -> TrackedEquilibrium:
+def led(case: Case, poses: int, tolerance: float = 1e-6) -> TrackedEquilibrium:
     """The case's cable after so many poses, in contact with friction."""
-    tracker = Tracker(case_scene(case), tolerance=1e-6)
+    tracker = Tracker(case_scene(case), tolerance=tolerance)
     for pose in case.path[:poses]:
         tracker.arrive(pose)
     (cable,) = tracker._tracked_cables
@@ -71,6 +72,19 @@ def test_friction_that_is_given_adds_up_to_the_grids() -> None:
     friction.give(rod)
     given, total = points[:, FRICTION : FRICTION + 3].sum(axis=0), friction.forces.sum(axis=0)
     assert given == pytest.approx(total, abs=1e-9 * np.abs(friction.forces).sum())
+
+
+def test_a_grid_that_is_off_at_once_says_so() -> None:
+    """A heavy cable that is about to slide has other forces on the grid: 4 % here."""
+    cable = led(drawn_case(101, 2, 1e-4), 4, 1e-4)
+    rod = cable.rod
+    grid = handover.nodal(rod, cable._q, cable._F)
+    assert isinstance(grid, NodalRod)
+    away = handover.apart(grid, rod, cable._F)
+    assert away > 0.02
+    assert grid.relative_error(grid.state.q, grid.end_force) >= away
+    grid.pair()
+    assert grid.relative_error(grid.state.q, grid.end_force) >= 0.9 * away  # and it fades slowly
 
 
 def test_a_finer_grid_stands_where_the_coarser_does() -> None:
