@@ -225,7 +225,7 @@ class NodalRod(NodalSolver):
         return True
 
     def doubt(self, error: float) -> None:
-        """Let the relative error of the end wrench be this much at least, and fade slowly: it is friction's."""
+        """Let the relative error of the end wrench be this much at least; it fades slowly."""
         self.twin_error, self._estimate = max(self.twin_error, error), max(self._estimate, error)
 
     def pair(self) -> None:
