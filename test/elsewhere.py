@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import struct
+import sys
 import time
 
 
@@ -23,3 +26,14 @@ def sleeps(mine: int) -> None:
     """Take an hour in any process but the one of this number."""
     if os.getpid() != mine:
         time.sleep(3600)
+
+
+def dies_amid_a_message(mine: int) -> int:
+    """As `dies`, by SIGKILL, as if it were just sending a result."""
+    if os.getpid() != mine:
+        worker = sys._getframe(1)
+        os.write(
+            worker.f_locals["result_queue"]._writer.fileno(), struct.pack("!i", 1000) + b"the first bytes"
+        )
+        os.kill(os.getpid(), signal.SIGKILL)
+    return mine

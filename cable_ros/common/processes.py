@@ -12,10 +12,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from multiprocessing import connection
 from typing import Any
 
 ALONE = 0.5
 """Time, s, that this process works before others start: what is done by then needs none."""
+GRACE = 5.0
+"""Time, s, in which an executor should have seen that a process has ended."""
 RENEWALS = 3
 """Number of times that processes are started again after one has died: more is no accident."""
 SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -117,6 +120,7 @@ class Processes(Here):
         with _single_threaded():  # the processes are the parallelism
             self._loaded = [self._executor.submit(*self._first) for _ in range(self._count)]
         self._children = set(multiprocessing.active_children()) - before
+        threading.Thread(target=_watch, args=(self._executor, self._children), daemon=True).start()
         return self._executor
 
     def __exit__(self, kind: type[BaseException] | None, *rest: Any) -> None:
@@ -127,6 +131,26 @@ class Processes(Here):
             for child in self._children:
                 child.terminate()
         self._executor.shutdown(cancel_futures=True)
+
+
+def _watch(executor: ProcessPoolExecutor, children: set[Any]) -> None:
+    """Let an executor go on that waits for the rest of a message from a process which has died amid it.
+
+    Its own thread then reads for ever, and who waits for that as long: the pipe stays open, as this process
+    holds its other end, too. So that is closed here, and the executor ends as after any death.
+    """
+    thread = getattr(executor, "_executor_manager_thread", None)
+    writer = getattr(getattr(executor, "_result_queue", None), "_writer", None)
+    if thread is None or writer is None:  # another Python, whose executor is made otherwise
+        return
+    connection.wait([child.sentinel for child in children])
+    thread.join(GRACE)
+    if thread.is_alive():
+        for child in children:
+            child.kill()
+        for child in children:
+            child.join()
+        writer.close()
 
 
 def _start_method() -> str:

@@ -10,7 +10,7 @@ import time
 from concurrent.futures import BrokenExecutor
 
 import pytest
-from elsewhere import dies, sleeps, whose
+from elsewhere import dies, dies_amid_a_message, sleeps, whose
 
 from cable_ros.common import processes
 from cable_ros.common.processes import Processes, WorkersDiedError
@@ -112,3 +112,14 @@ def test_a_log_of_a_sweep_does_not_forbid_a_fork(tmp_path):
     before = processes._start_method()
     with batch_log.BatchLog(tmp_path / "sweep.mcap", scene):
         assert processes._start_method() == before
+
+
+def test_one_that_dies_amid_a_message_holds_up_nobody(start, monkeypatch):
+    """The rest of the message never comes; the executor waits for it, and all futures for the executor."""
+    monkeypatch.setattr(processes, "GRACE", 0.2)
+    with Processes(2) as pool:
+        _until_up(pool)
+        with pytest.raises(BrokenExecutor):
+            pool.submit(dies_amid_a_message, os.getpid()).result(timeout=60.0)
+        assert pool.submit(whose, 0).result(timeout=60.0) != os.getpid()
+    assert multiprocessing.active_children() == []
