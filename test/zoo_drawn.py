@@ -175,6 +175,8 @@ FOUND = {
     (96, 44): "a cable to and fro on a rough ground",
     (96, 48): "a cable up and down two rough beams",
     (96, 106): "a fold of a cable on smooth ground, from where it slides far",
+    (96, 146): "rough beams dragged along under a cable",
+    (97, 30): "a cable drawn across a rough edge",
     (100, 10): "a table edge drawn across under a cable, in five poses",
     (100, 21): "two rough beams drawn across under a light cable",
     (100, 55): "a heavy cable slips through over two smooth beams",
