@@ -137,7 +137,7 @@ def _watch(executor: ProcessPoolExecutor, children: set[Any]) -> None:
     """Let an executor go on that waits for the rest of a message from a process which has died amid it.
 
     Its own thread then reads for ever, and who waits for that as long: the pipe stays open, as this process
-    holds its other end, too. So that is closed here, and the executor ends as after any death.
+    holds its other end, too. So that end is made one of nothing, and the executor ends as after any death.
     """
     thread = getattr(executor, "_executor_manager_thread", None)
     writer = getattr(getattr(executor, "_result_queue", None), "_writer", None)
@@ -145,12 +145,16 @@ def _watch(executor: ProcessPoolExecutor, children: set[Any]) -> None:
         return
     connection.wait([child.sentinel for child in children])
     thread.join(GRACE)
-    if thread.is_alive():
-        for child in children:
-            child.kill()
-        for child in children:
-            child.join()
-        writer.close()
+    if not thread.is_alive():
+        return
+    for child in children:
+        child.kill()
+    for child in children:
+        child.join()
+    thread.join(GRACE)
+    if thread.is_alive():  # it reads; until it has ended nobody closes what it reads from
+        with open(os.devnull, "wb") as nothing:
+            os.dup2(nothing.fileno(), writer.fileno(), inheritable=False)
 
 
 def _start_method() -> str:
