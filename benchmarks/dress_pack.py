@@ -10,7 +10,6 @@ The arm with its meshes is that of example-robot-data: pip install -e '.[robot,p
 from __future__ import annotations
 
 import argparse
-import copy
 import sys
 import time
 from pathlib import Path
@@ -18,25 +17,11 @@ from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from cable_ros import Tracker, load_scene
+from examples.dress_pack import depth, poses, urdf
 
-FOLDER = "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf"
-JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-STOPS = np.array([
-    [0.0, -1.2, 1.6, -1.9, -1.57, 0.0], [0.0, -0.9, 1.7, -2.3, -1.57, np.pi],
-    [0.8, -1.2, 1.5, -1.8, -1.57, 0.0], [1.6, -0.9, 1.7, -2.3, -1.57, -np.pi],
-    [0.8, -1.3, 1.6, -1.8, -1.2, 0.0], [0.0, -1.2, 1.6, -1.9, -1.57, 0.0],
-])  # fmt: skip
 POSES = 75
-
-
-def urdf() -> Path:
-    """Path of the UR10's URDF. Raises FileNotFoundError where the package is missing."""
-    for place in sys.path:
-        path = Path(place, FOLDER, "ur10_robot.urdf")
-        if path.is_file():
-            return path
-    raise FileNotFoundError("the arm's meshes are missing: pip install example-robot-data")
 
 
 def scene(robot: dict[str, Any] | None) -> dict[str, Any]:
@@ -49,12 +34,6 @@ def scene(robot: dict[str, Any] | None) -> dict[str, Any]:
     }  # fmt: skip
     values: dict[str, Any] = {"robot": {"urdf": str(urdf())}, "gravity": [0, 0, -9.80665], "cables": [hose]}
     return values | ({"obstacles": [{"robot": robot}]} if robot is not None else {})
-
-
-def poses() -> np.ndarray:
-    """(POSES, 6) along the way from stop to stop."""
-    at = np.linspace(0.0, len(STOPS) - 1, POSES)
-    return np.column_stack([np.interp(at, np.arange(len(STOPS)), column) for column in STOPS.T])
 
 
 def main() -> None:
@@ -73,8 +52,7 @@ def main() -> None:
             print("\n".join(loaded.notes), len(loaded.obstacles), "solids")
         tracker = Tracker(loaded)
         times, statuses, clear, worst = [], {}, 0, 0.0
-        for q in poses():
-            joints = {f"{joint}_joint": float(value) for joint, value in zip(JOINTS, q, strict=True)}
+        for joints in poses(POSES):
             begin = time.perf_counter()
             found = tracker.arrive(joints)["hose"]
             times.append(time.perf_counter() - begin)
@@ -83,11 +61,8 @@ def main() -> None:
                 print("   ", found.message)
             shapes.setdefault(name, []).append((joints, found))
             if found.status.trusted:
-                marked = {"hose": copy.copy(found)}
-                object.__setattr__(marked["hose"], "overlaps", ())
-                judge.robot_overlaps.mark(marked, joints, lambda _, found=found: found.points)
-                depth = max((o.contact_distance - o.distance for o in marked["hose"].overlaps), default=0.0)
-                worst, clear = max(worst, depth), clear + (depth < 1e-5)
+                inside = depth(judge, found, joints)
+                worst, clear = max(worst, inside), clear + (inside < 1e-5)
         print(
             f"{name}: {statuses}, clear of all solids {clear} of {POSES}, deepest {worst * 1e3:.2f} mm, "
             f"median {np.median(times) * 1e3:.2f} ms, largest {max(times):.2f} s"

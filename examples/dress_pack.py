@@ -14,7 +14,7 @@ of a solve. The first run fits solids to the arm's meshes, which takes some minu
 from __future__ import annotations
 
 import argparse
-import copy
+import dataclasses
 import sys
 import time
 from collections import Counter
@@ -87,8 +87,7 @@ def poses(count: int) -> list[dict[str, float]]:
 
 def depth(judge: Tracker, found: Equilibrium, joints: dict[str, float]) -> float:
     """How deep the hose is in a solid of a link that it can reach, m."""
-    marked = {"hose": copy.copy(found)}
-    object.__setattr__(marked["hose"], "overlaps", ())
+    marked = {"hose": dataclasses.replace(found, overlaps=())}
     judge.robot_overlaps.mark(marked, joints, lambda _: found.points)
     return max((one.contact_distance - one.distance for one in marked["hose"].overlaps), default=0.0)
 

@@ -14,7 +14,7 @@ from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupling import PER
 from cable_ros.branch.crossing_cable import CrossingCable
 from cable_ros.branch.released import Released
-from cable_ros.branch.shared_piece import Place, SharedPiece
+from cable_ros.branch.shared_piece import Place, SharedPiece, onward
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import Kinematics, Scene
 
@@ -181,10 +181,8 @@ class CoupledPieces(Released):
         assert self.state is not None
         if self._before is None:
             return self.state
-        last, step = self._joints - self._before[0], joints - self._joints
-        size = float(last @ last)
-        ratio = float(last @ step) / size if size > 0.0 else 0.0
-        if not 0.0 < ratio <= 2.0 or np.abs(step - ratio * last).max() > 0.1 * np.abs(step).max():
+        ratio = onward(self._before[0], self._joints, joints)
+        if ratio == 0.0:
             return self.state
         change = ratio * self._before[1].step_to(self.state)
         change[~self.free] = 0.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_ros.branch.crossing_balance import CrossedTangent
 from cable_ros.branch.crossing_cable import CrossingCable, Remembered, Touch
-from cable_ros.branch.shared_piece import Place
+from cable_ros.branch.shared_piece import Place, onward
 from cable_ros.contact.crossing import FREEDOMS, Closest, Spacer, candidates, closest
 from cable_ros.contact.overlaps import SPACING
 from cable_ros.scene import Kinematics
@@ -253,10 +253,8 @@ class CrossingNewton:
         """The spacers there if they go on as in the last step."""
         if self._before is None or not self.spacers or self._joints is None:
             return self.spacers
-        last, step = self._joints - self._before[0], joints - self._joints
-        size = float(last @ last)
-        ratio = float(last @ step) / size if size > 0.0 else 0.0
-        if not 0.0 < ratio <= 2.0 or np.abs(step - ratio * last).max() > 0.1 * np.abs(step).max():
+        ratio = onward(self._before[0], self._joints, joints)
+        if ratio == 0.0:
             return self.spacers
         return [
             now.moved(ratio * before.step_to(now))

@@ -69,19 +69,17 @@ def flatten(shape, spacing, obstacles, give, points, count):
             if curvature >= 0.0:
                 # or, if it alternates between two minima, at the maximum between them
                 s, curvature, half = ridge(shape, points[i, ARC_LENGTH], spacing, obstacles[o])
-            if points[i, SWINGS] >= MANY:
+            swings = points[i, SWINGS] >= MANY
+            dips = curvature < 0.0 and -2.67 * curvature**3 > give * P**2
+            if swings:
                 # between the places where it swings to and fro the cable begins to lie on the surface
                 half = min(0.5 * abs(points[i, SHIFT]), spacing)
                 s = points[i, ARC_LENGTH] - (half if points[i, SHIFT] > 0.0 else -half)
+            elif dips:
+                half = half_patch(s, curvature, P, half)
+            if swings or dips:
                 points[i, ARC_LENGTH] = s
                 count = make_patch(points, count, o, max(s - half, 0.0), min(s + half, 1.0))
-                changed = True
-                i = 0
-                continue
-            if curvature < 0.0 and -2.67 * curvature**3 > give * P**2:
-                points[i, ARC_LENGTH] = s
-                half = half_patch(s, curvature, P, half)
-                count = make_patch(points, count, o, s - half, s + half)
                 changed = True
                 i = 0
                 continue

@@ -223,10 +223,12 @@ def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
             ob, s = obstacles[int(points[i, OBSTACLE])], points[i, ARC_LENGTH]
             _, _, curvature = gap_at(shape, s, ob, at)
             minimum = lowest(shape, s, spacing, ob)
-            # beside an edge the gap is curved as the face is, and at its minimum as the edge
-            _, _, there = gap_at(shape, minimum, ob, at)
             # the kink that its force makes moves with the point: the shape does not show it at the minimum
-            if 0.25 * points[i, FORCE] * abs(minimum - s) <= max(curvature, there):
+            kink = 0.25 * points[i, FORCE] * abs(minimum - s)
+            if kink > curvature:
+                # beside an edge the gap is curved as the face is, and at its minimum as the edge
+                _, _, curvature = gap_at(shape, minimum, ob, at)
+            if kink <= curvature:
                 points[i, ARC_LENGTH] = minimum
         for _ in range(2):
             if points[i, INTERFACE] < 0.0 and not own_interface(points, count, i, h, s0):
