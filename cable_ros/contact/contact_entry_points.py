@@ -6,6 +6,7 @@ from __future__ import annotations
 from cable_ros.compilation import njit
 from cable_ros.contact import assembly, interfaces
 from cable_ros.contact.contact_state import ContactSet, History, kkt_of, shape_of
+from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.rod.rod_state import Section
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -17,9 +18,12 @@ def assemble_kkt(shape, forces, section, obstacles, history, contacts, count, kk
 
     Returns the number of constraint rows.
     """
+    history = History(*history)
+    # what slips does not begin to stick because nothing moves
+    held = history.model == COULOMB
     total, _, _ = assembly.assemble_kkt(
-        shape_of(shape), forces, Section(*section), obstacles, History(*history),
-        ContactSet(*contacts), count, kkt_of(kkt), True, False,
+        shape_of(shape), forces, Section(*section), obstacles, history,
+        ContactSet(*contacts), count, kkt_of(kkt), True, held,
     )  # fmt: skip
     return total
 
