@@ -172,7 +172,7 @@ def _watched(answers: Sequence[Equilibrium]) -> set[int]:
         for i, (before, after) in enumerate(pairwise(answers), start=1)
         if before.status is not after.status or after.message != before.message
     }
-    return even | changed
+    return even | changed | {i for i, one in enumerate(answers) if says_taut(one)}
 
 
 def _judged(

@@ -231,7 +231,6 @@ class CableTracker(SearchedEquilibrium):
             fine, estimate = refine(found, tolerance)
             if estimate <= tolerance:
                 self._take(fine, self._joints)
-                self._estimate = np.inf
                 return
         if rod.relative_error(self._q, self._F) <= tolerance:
             # the mesh is fine enough

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_ros.branch.branch_switching import switch_branch
+from cable_ros.branch.branch_switching import switch_branch, upright
 from cable_ros.branch.cold_start import Conditions, Found, settle
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.travel import travel
@@ -280,6 +280,7 @@ def continue_branch(
             return ended(End.STUCK)
     if not (rod.remembers or rod.frictional or rod.refactor(q, F)):
         # the factors of an earlier step did not show that the margin passed through 0
+        rod._softest()  # the mode in which it did
         snapped = _snap_and_record(rod, q, F, path, 0.0, [(at, 0.0)], tolerance, True)
         if snapped is None:
             return ended(End.STUCK)
@@ -303,9 +304,9 @@ def _snap_and_record(
     at, margin = margins[-1]
     touched = bool(rod.contact_force().any()) and not rod.remembers
     shape, before = rod.mesh.interpolate(q, GRID), rod.snapshot()()
-    energy, mode = rod.linearize(q, F)[0], rod.mode.copy()
+    energy, mode = rod.linearize(q, F)[0], upright(rod).copy()
     twist, end, found = float(rod.totals[TWIST]), min(1.0, at + AHEAD * step), None
-    if margin < SMALL and step > 0.0:
+    if margin < SMALL:
         found = switch_branch(rod, q, F, mode, path(end))
         crossed = crossed or found is not None
     if found is None:
@@ -381,7 +382,9 @@ def snap_through(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions)
     rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
     # of two mirror images always the same one, whatever the last bit
     q = rod.retract(rod.on_end(q), PERTURBATION * rod.start_vector())
-    return settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
+    found = settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
+    # soft obstacles may have held it where hard ones do not
+    return found if found is None or rod.refactor(found.q, found.F) else None
 
 
 def _jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:

@@ -45,6 +45,7 @@ COARSE = "Contact was solved on a grid, whose estimated error of the end wrench,
 ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
 INACCURATE = "The estimated error of the end wrench, {:.1e}, exceeds the tolerance {:.0e}."
 SINKS = "The cable still penetrates an obstacle between contact points."
+UNSTABLE = "The equilibrium that was found is not stable: its stability margin is {:.1e}."
 LONGEST_STAY = 63
 """Maximum number of poses that a cable stays on its grid of contacts before it is solved without again."""
 FREE = "Converged to one of a continuous family of equilibria: the cable turns freely from one to the next."
@@ -149,6 +150,7 @@ class TrackedEquilibrium(CableModel):
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
         self._rod, self._q, self._F, self._joints = found.rod, found.q, found.F, joints
+        self._estimate = np.inf  # not known yet
         found.rod.use_friction(self._model)  # it is factored without
         self._resolved = self.tolerance
 
@@ -174,6 +176,9 @@ class TrackedEquilibrium(CableModel):
                 return self.failed(Status.NOT_CONVERGED, problem, time.perf_counter() - begin)
         if due or rod.on_grid:
             self._margin = rod.stability_margin()
+        if self._margin < -FREE_TO_TURN:
+            problem = UNSTABLE.format(self._margin)
+            return self.failed(Status.NOT_CONVERGED, problem, time.perf_counter() - begin)
         if due or rod.on_grid or self._apart < self._diameter + self._units.length * rod.rotation:
             # two points can have approached by that much since the last check
             self._apart = self._closest_approach(poses[0])
@@ -197,10 +202,10 @@ class TrackedEquilibrium(CableModel):
         iterations = 0
         if max(self._estimate, beside) > ACCEPT * self.tolerance or sinks:
             before = rod, self._q, self._F
-            fine, self._estimate = refine(Found.at(*before), self.tolerance)
+            fine, estimate = refine(Found.at(*before), self.tolerance)
             iterations = fine.iterations
             self._take(fine, self._joints)
-            rod = fine.rod
+            rod, self._estimate = fine.rod, estimate
             sinks = rod.unresolved(self._q, LENIENT).any()
             if (rod.forgot or sinks or self._estimate > self.tolerance) and self._onto_grid(*before):
                 return iterations, ""
@@ -291,7 +296,6 @@ class TrackedEquilibrium(CableModel):
             earlier = 0.0 if self._grid_history is None else self._grid_history.error
             self._grid_history = GridHistory(max(error, earlier))
         self._take(found, self._joints)
-        self._estimate = np.inf
 
     def _finer(self) -> None:
         """Take a finer grid where the error of this one is too large, if there is one."""

@@ -197,6 +197,41 @@ def own_interface(points, count, i, h, s0):
 
 
 @njit(**INNER)
+def make_way(q, grid, points, count, i):
+    """Move the nearest free boundary to contact point i, and a free one in its way further on.
+
+    Args:
+        q, grid: as in `move_interface`.
+        points, count, i: as in `own_interface`.
+
+    Returns:
+        Whether the point has its boundary.
+    """
+    h, s0, _ = grid
+    s = points[i, ARC_LENGTH]
+    taken = np.zeros(h.shape[0] + 1, np.bool_)
+    taken[0] = taken[h.shape[0]] = True
+    for k in range(count):
+        if points[k, INTERFACE] >= 0.0:
+            taken[int(points[k, INTERFACE])] = True
+    best = -1
+    for b in range(1, h.shape[0]):
+        if not taken[b] and (best < 0 or abs(s0[b] - s) < abs(s0[best] - s)):
+            best = b
+    if best < 0:
+        return False
+    before, after = room(points, count, i, best, h)
+    if not taken[best - 1] and s - s0[best - 1] < before:
+        move_interface(q, grid, best - 1, 0.5 * (s0[best - 2] + s), before, after)
+    if not taken[best + 1] and s0[best + 1] - s < after:
+        move_interface(q, grid, best + 1, 0.5 * (s + s0[best + 1] + h[best + 1]), before, after)
+    if not move_interface(q, grid, best, s, before, after):
+        return False
+    points[i, INTERFACE] = best
+    return True
+
+
+@njit(**INNER)
 def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
     """Move the points to their gap's minimum, and boundaries to them and to the ends of patches.
 
@@ -238,7 +273,7 @@ def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
             if move_interface(q, grid, b, points[i, ARC_LENGTH], before, after):
                 break
             points[i, INTERFACE] = -1.0
-        if points[i, INTERFACE] >= 0.0:
+        if points[i, INTERFACE] >= 0.0 or (points[i, KIND] != POINT and make_way(q, grid, points, count, i)):
             trace(shape, forces, contacts, count, obstacles, strain)
         else:
             owned = False

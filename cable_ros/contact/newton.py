@@ -12,7 +12,7 @@ from cable_ros.contact.detection import flatten, update_active_set
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.interfaces import place_points
 from cable_ros.contact.moving_obstacles import follow_obstacles
-from cable_ros.contact.patch_ends import move_ends, shrink
+from cable_ros.contact.patch_ends import merge, move_ends, shrink
 from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
 from cable_ros.contact.points import (
     BEFORE,
@@ -158,8 +158,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
                 moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
                 shrunk, count = shrink(points, count, spacing, depth)
+                merged, count = merge(points, count, spacing)
                 changes, count = fill(points, count, h, s0, covered)
-                changes += flattened + shrunk
+                changes += flattened + shrunk + merged
             holds = holds and changes == 0
             full = not holds or (not tangent and (rotation > refactor_at or rate > SLOW))
             if not full:

@@ -43,6 +43,8 @@ BACK = 0.9
 """Motion back over the last motion from which a point swings: Newton's method leads it to no place."""
 SLIGHT = 1e-4
 """The least of such a motion, in spacings."""
+MEETS = 0.1
+"""Distance, in spacings, at which two patches meet."""
 FAINT = 1e-3
 """Force, EI / L^2, below which its lever is taken for that of this force."""
 
@@ -105,6 +107,28 @@ def neighbour(points, count, i, kind):
         if k != i and later and (best < 0 or points[k, ARC_LENGTH] < points[best, ARC_LENGTH]):
             best = k
     return best if best >= 0 and points[best, KIND] == kind else -1
+
+
+@njit(**INNER)
+def merge(points, count, spacing):
+    """Make one patch of two that meet.
+
+    Args:
+        points, count, spacing: as in `move_ends`.
+
+    Returns:
+        Whether there were any, and the number of points.
+    """
+    changed, i = False, 0
+    while i < count:
+        j = neighbour(points, count, i, FIRST) if points[i, KIND] == LAST else -1
+        if j >= 0 and points[j, ARC_LENGTH] - points[i, ARC_LENGTH] < MEETS * spacing:
+            count = remove(points, count, max(i, j))
+            count = remove(points, count, min(i, j))
+            changed, i = True, 0
+        else:
+            i += 1
+    return changed, count
 
 
 @njit(**INNER)
@@ -189,6 +213,8 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
         Whether any have changed, and the number of points.
     """
     changed, count = shrink(points, count, spacing, 5.0 * depth)
+    merged, count = merge(points, count, spacing)
+    changed = changed or merged
     i = 0
     while i < count:
         kind, s = points[i, KIND], points[i, ARC_LENGTH]
@@ -201,14 +227,6 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
             count = remove(points, count, i)
             changed = True
             continue
-        if kind == LAST:
-            j = neighbour(points, count, i, FIRST)
-            if j >= 0 and points[j, ARC_LENGTH] - s < 0.1 * spacing:
-                count = remove(points, count, max(i, j))
-                count = remove(points, count, min(i, j))
-                changed = True
-                i = 0
-                continue
         if points[i, FORCE] < 0.0:
             points[i, ARC_LENGTH] += (-0.5 if kind == FIRST else 0.5) * min(spacing, abs(s - edge))
             changed = True
