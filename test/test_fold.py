@@ -13,6 +13,8 @@ from zoo_make import led
 
 from cable_ros import Equilibrium, Status, Tracker
 from cable_ros.bench.cases import case_scene
+from cable_ros.bench.drawn import drawn_case
+from cable_ros.bench.metamorphic import at_rate, corners
 from cable_ros.branch import continuation
 from cable_ros.rod.kirchhoff import Rod
 
@@ -92,3 +94,13 @@ def test_energy_only_falls(monkeypatch: pytest.MonkeyPatch) -> None:
     # rounding of an energy of about 3 is below 1e-12
     assert np.diff(snap).max() < 1e-12
     assert snap[-1] < 0.5 * snap[0]
+
+
+def test_nothing_unstable_is_published() -> None:
+    """A planar cable on an edge is pushed past where it leaves its plane; soft obstacles would hold it."""
+    case = drawn_case(3, 3, 1e-4)
+    tracker = Tracker(case_scene(case))
+    path = at_rate(corners(case), 100.0, 0.5)[:95]
+    found = [tracker.arrive(dict(pose))["cable"] for pose in path]
+    assert min(one.stability_margin for one in found if one.status.trusted) > 0.0
+    assert not found[-1].status.trusted or found[-1].status is Status.SNAPPED

@@ -20,6 +20,8 @@ from references.reference import Reference, planar_frame
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case, refined
+from cable_ros.contact.points import SLIPS
+from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.share import share_file
 
 MU, RADIUS, WRAP = 0.35, 0.15, 1.4
@@ -157,6 +159,19 @@ def test_a_taut_rod_over_a_drum_is_a_capstan(tolerance: float) -> None:
     assert np.log(pulls[1] / pulls[0]) == pytest.approx(
         np.log(exact[1] / exact[0]), abs=max(tolerance, STUCK)
     )
+
+
+def test_what_slips_goes_on_slipping_on_the_same_way() -> None:
+    """New factors of an equilibrium tell no stick from what slips at the very limit: nothing has moved."""
+    turned = on_drum(contact.capstan(200.0, MU).reference, MU)
+    follow(turned, "turn", [0.0, 0.02])
+    tracked = turned._tracked_cables[0]
+    rod = tracked._rod
+    assert isinstance(rod, TouchingRod)
+    slips = rod.points[: rod.count, SLIPS].copy()
+    assert slips.any()
+    rod.refactor(tracked._q, tracked._F)
+    assert (rod.points[: rod.count, SLIPS] == slips).all()
 
 
 def test_slip_over_a_ball_has_its_direction_to_the_tolerance() -> None:

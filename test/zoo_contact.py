@@ -146,6 +146,7 @@ def by_chance() -> list[Case]:
         ("lifted off beside the end of a stretch", 2, 929, 4),
         ("taut past a box, round the other side than pushed", 1, 302, STEPS),
         ("both edges of a bar, slack between", 2, 1043, STEPS),
+        ("taut around a box, its two edges nearer than samples tell apart", 1, 76, STEPS),
     )
     cases = [
         replace(contact_case(seed, i, 1e-4, poses), name=name, baselines=False)

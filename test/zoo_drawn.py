@@ -168,6 +168,7 @@ def in_slot() -> Case:
 
 
 FOUND = {
+    (73, 40): "two smooth beams in two steps, both edges of each",
     (94, 22): "a hose led across in one step",
     (94, 26): "a cable across a rough table",
     (95, 20): "a planar loop on a table leaves its plane: the contact moves along the cable",
@@ -182,6 +183,8 @@ FOUND = {
     (100, 55): "a heavy cable slips through over two smooth beams",
     (100, 57): "a lifted hose led about: its grid becomes finer in time",
     (100, 74): "a rough beam that a cable slides over comes back",
+    (102, 11): "heavy rough beams, both edges of each",
+    (103, 18): "a light cable turned on a smooth table, which it all but touches beside the edge",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

@@ -18,7 +18,6 @@ from cable_ros.bench.drawn import drawn_case
 DRAWN = {
     (73, 11): "a hose slides 1.3e-4 of its length the way its friction pushes",
     (73, 33): "over beams without friction",
-    (73, 40): "over beams without friction, in two steps",
     (73, 42): "a ball pushed past a rough cable",
     (91, 6): "over beams without friction, there and back",
     (91, 37): "a tray, dragged along: a grid's error is too large",
@@ -38,7 +37,6 @@ DRAWN = {
     (101, 2): "a lift led aside: what sticks has moved 4e-3 of the length",
     (101, 6): "a hose is 3.6e-4 off at one of 201 poses",
     (101, 53): "across a rough table: a grid's error is too large, the branch is lost",
-    (102, 11): "heavy rough beams: a grid's error is too large",
     (102, 38): "a weightless cable that turns freely meets a slot",
 }
 """By seed and index of `drawn_case`, what is amiss."""

@@ -13,7 +13,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
 from cable_ros.contact.gap_search import far, minimum_beside, scan
-from cable_ros.contact.interfaces import gap_at, lowest
+from cable_ros.contact.interfaces import SHARPER, at_edges, gap_at, lowest, sharpest_at
 from cable_ros.contact.patch_ends import settle
 from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, make_patch, sample
 from cable_ros.contact.points import (
@@ -114,9 +114,8 @@ def ridge(shape, s, spacing, obstacle):
         obstacle: (WIDTH,).
     """
     at = surface()
-    bends = at.bends
     _, slope, curvature = gap_at(shape, s, obstacle, at)
-    sharpest = max(bends[0], bends[1])
+    sharpest = max(at.bends[0], at.bends[1])
     if not curvature < 0.0 or abs(slope) > -0.5 * spacing * curvature:
         return s, 0.0, spacing
     top = s - slope / curvature
@@ -124,10 +123,10 @@ def ridge(shape, s, spacing, obstacle):
         return s, 0.0, spacing
     before = lowest(shape, top - 0.5 * spacing, 0.5 * spacing, obstacle)
     after = lowest(shape, top + 0.5 * spacing, 0.5 * spacing, obstacle)
-    for end in (before, after):
-        gap_at(shape, end, obstacle, at)
-        if max(bends[0], bends[1]) > 1.5 * sharpest:
-            return s, 0.0, spacing
+    if sharpest_at(shape, before, obstacle) > SHARPER * sharpest:
+        return s, 0.0, spacing
+    if sharpest_at(shape, after, obstacle) > SHARPER * sharpest:
+        return s, 0.0, spacing
     least, most = 1e-6 * spacing, (1.0 - 1e-6) * spacing
     if least < top - before < most and least < after - top < most:
         return top, curvature, 0.25 * (after - before)
@@ -192,7 +191,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                 continue
             if ends:
                 points[near, ARC_LENGTH] = s
-            elif near >= 0:
+            elif near >= 0 and not at_edges(shape, points[near, ARC_LENGTH], s, obstacles[o]):
                 # two minima closer than the spacing: the cable begins to lie on the surface
                 low, high = min(s, points[near, ARC_LENGTH]), max(s, points[near, ARC_LENGTH])
                 middle, force = points[near, ARC_LENGTH], points[near, FORCE]

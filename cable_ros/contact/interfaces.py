@@ -17,6 +17,8 @@ from cable_ros.contact.stretched import trace
 from cable_ros.rod.centreline import direction, elongation, position
 from cable_ros.rod.centreline import shape as shape_functions
 
+SHARPER = 1.5
+"""Curvature of a surface over that beside it from which it is an edge."""
 NARROWEST = 0.12
 """Least distance of a boundary to its neighbours, fraction of the distance between them; of one at a point,
 half of how near they are, if that is less."""
@@ -95,6 +97,27 @@ def lowest(shape, s, reach, obstacle):
             return new
         s = new
     return s
+
+
+@njit(**INNER)
+def sharpest_at(shape, s, obstacle):
+    """The largest curvature, 1 / L, of an obstacle's surface where it is nearest to the cable at s.
+
+    `shape`, `s`, `obstacle`: as in `lowest`.
+    """
+    at = surface()
+    gap_at(shape, s, obstacle, at)
+    return max(at.bends[0], at.bends[1])
+
+
+@njit(**INNER)
+def at_edges(shape, low, high, obstacle):
+    """Whether an obstacle's surface is nearest at an edge at both arc lengths, and at none between them.
+
+    `shape`, `obstacle`: as in `lowest`.
+    """
+    between = SHARPER * sharpest_at(shape, 0.5 * (low + high), obstacle)
+    return sharpest_at(shape, low, obstacle) > between < sharpest_at(shape, high, obstacle)
 
 
 @njit(**LEAF)
