@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cables of a scene that may touch each other, from pose to pose on their common branch."""
+"""The cables of a scene that may touch each other, and themselves, from pose to pose on their common branch."""
 
 from __future__ import annotations
 
@@ -38,10 +38,21 @@ LEAST_PUSH = 1e-3
 CHANGES = 6
 """Maximum number of times that contacts begin or end in one step."""
 NOT_SOLVED = "Cable '{}' could not be solved, and the cables may touch each other."
-NOT_TOGETHER = "Cables that touch each other could not be followed to this pose together."
+NOT_TOGETHER = "Cables that touch each other, or themselves, could not be followed to this pose."
 LYING = "Cables '{}' and '{}' lie along each other: contact between cables is modelled at points only."
+LYING_ITSELF = "Cable '{}' lies along itself: contact between cables is modelled at points only."
 ON_GRID = "Cable '{}' lies on a grid of contacts, which cannot touch other cables."
 LOST = "the cables that touch each other could not be followed from pose to pose"
+NOT_APART = "Cables that overlap could not be pushed apart."
+NO_SIDE = (
+    "Without contact {} would pass through the middle of {}: nothing tells on which side; start where they are "
+    "apart."
+)
+SIDE = (
+    "The scene does not tell on which side {} passes {}: this is the one on which they pass without contact."
+)
+SIDELESS = 0.02
+"""Distance of two centrelines, as a fraction of that at which they touch, that tells no side."""
 
 
 class CrossedCables(CrossingNewton):
@@ -56,6 +67,8 @@ class CrossedCables(CrossingNewton):
         """Forget the equilibria."""
         super().reset()
         self._failures, self._lost = 0, ""
+        self._cold = False
+        self._chosen: list[tuple[int, int]] = []  # whose side a cold start has taken, not told yet
 
     def solve(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, begin: float
@@ -103,9 +116,25 @@ class CrossedCables(CrossingNewton):
             if self._lost:
                 cable.distrust(self._lost)
         self._accept(joints, [], [])
-        if self._settled(kinematics, joints, poses, []) is None:
-            return Status.NOT_CONVERGED, "Cables that overlap could not be pushed apart.", 0
+        self._cold = True
+        settled = self._settled(kinematics, joints, poses, [])
+        self._cold = False
+        if settled is None:
+            return Status.NOT_CONVERGED, self._why_not_apart(self.pairs(poses)), 0
+        self._chosen = list(dict.fromkeys(one.cables for one in settled))
         return None
+
+    def _two(self, cables: tuple[int, int]) -> tuple[str, str]:
+        """What to call two cables, or strands."""
+        first, second = (f"cable '{self.cables[i].name}'" for i in cables)
+        return first, "itself" if cables[0] == cables[1] else second
+
+    def _why_not_apart(self, pairs: Sequence[Pair]) -> str:
+        """A sentence on why a cold start failed; `pairs`: without contact."""
+        deep = min(overlapping(pairs, []), key=lambda pair: pair.closest.distance, default=None)
+        if deep is None or deep.closest.distance >= SIDELESS * deep.apart:
+            return NOT_APART
+        return NO_SIDE.format(*self._two(deep.cables))
 
     def _follow(self, kinematics: Kinematics, joints: np.ndarray) -> bool | None:
         """Continue the branch straight to `joints`; whether it arrived. None: it goes on at the next call."""
@@ -150,6 +179,8 @@ class CrossedCables(CrossingNewton):
             if self._passed(pairs):
                 break
             deepest = self._deepest(pairs, found)
+            if deepest is not None and not self._tells_side(deepest[0]):
+                break
             if deepest is None:
                 if not self._stable(poses, found):
                     break
@@ -162,6 +193,12 @@ class CrossedCables(CrossingNewton):
         self._restore(self._kept)
         return None
 
+    def _tells_side(self, pair: Pair) -> bool:
+        """Whether it is known on which side of each other two overlapping points belong."""
+        if self._cold:
+            return pair.closest.distance >= SIDELESS * pair.apart
+        return self._before_was(pair) is not None
+
     def _deepest(
         self, pairs: Sequence[Pair], spacers: Sequence[Spacer]
     ) -> tuple[Pair, tuple[int, int]] | None:
@@ -170,14 +207,14 @@ class CrossedCables(CrossingNewton):
         if not over:
             return None
         worst = min(over, key=lambda pair: pair.closest.distance / pair.apart)
-        slots = []
+        taken = [pair for one in spacers for pair in zip(one.cables, one.slots, strict=True)]
         for cable in worst.cables:
-            taken = {s for one in spacers for c, s in zip(one.cables, one.slots, strict=True) if c == cable}
-            free = [slot for slot in range(SLOTS) if slot not in taken]
+            free = [slot for slot in range(SLOTS) if (cable, slot) not in taken]
             if not free:
                 return None
-            slots.append(free[0])
-        return worst, (slots[0], slots[1])
+            taken.append((cable, free[0]))
+        (_, first), (_, second) = taken[-2:]
+        return worst, (first, second)
 
     def _pushed(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, spacers: list[Spacer],
@@ -218,9 +255,16 @@ class CrossedCables(CrossingNewton):
                 return self._failed(Status.NOT_CONVERGED, self._why(), begin)
             self._accept(joints, self.pairs(poses), exact)
         for pair in overlapping(self._pairs, self.spacers):
-            for i, k in (pair.cables, pair.cables[::-1]):
+            itself = pair.cables[0] == pair.cables[1]
+            for i, k in [pair.cables] if itself else [pair.cables, pair.cables[::-1]]:
                 other = Overlap(self.cables[k].name, pair.closest.distance, pair.apart)
-                found[i] = with_overlap(found[i], other)
+                if all(one.other != other.other for one in found[i].overlaps):
+                    found[i] = with_overlap(found[i], other, itself)
+        for cables in self._chosen:
+            for i, k in dict.fromkeys([cables, cables[::-1]]):
+                side = SIDE.format(*self._two((i, k)))
+                found[i] = replace(found[i], message=f"{found[i].message} {side}")
+        self._chosen = []
         if not self.spacers:
             return found
         failed = [one for one in found if not one.status.trusted]
@@ -248,7 +292,8 @@ class CrossedCables(CrossingNewton):
         """A sentence on why they could not be followed."""
         if self.lying is None:
             return NOT_TOGETHER
-        return LYING.format(*(self.cables[i].name for i in self.lying))
+        first, second = (self.cables[i].name for i in self.lying)
+        return LYING_ITSELF.format(first) if first == second else LYING.format(first, second)
 
     def _failed(
         self, status: Status, message: str, begin: float, which: int | None = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cable that may touch other cables, each of which it sees as an obstacle where it does."""
+"""A cable that may touch others and itself, and sees an obstacle wherever it does."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from cable_ros.branch.shared_piece import Kept, Place, SharedPiece
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.crossing import Curve
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, SHAPE, SPHERE, WIDTH, placed
+from cable_ros.contact.overlaps import SPACING, closest_approach
 from cable_ros.contact.points import OBSTACLE
 from cable_ros.contact.report import contact_table
 from cable_ros.effects.effect import Properties
@@ -20,9 +21,11 @@ from cable_ros.linalg.cross import cross
 from cable_ros.scene import Kinematics
 
 SLOTS = 6
-"""Maximum number of places where a cable touches others."""
+"""Maximum number of places where a cable touches others; where it touches itself, two."""
 FINEST = 1e-12
 """Minimum tolerance, relative."""
+DEEP = 0.9
+"""Distance of two parts in diameters, by a polyline, below which they overlap for certain."""
 WORLD = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 
 
@@ -136,6 +139,24 @@ class CrossingCable(SharedPiece):
         """See `SharedPiece.attempt`; again for a cable that stretches, whose first step ends beside it."""
         found = super().attempt(kinematics, joints, place)
         return found and (self._compliance is None or super().attempt(kinematics, joints, place))
+
+    def _closest_approach(self, start: np.ndarray) -> float:
+        """See `SearchedEquilibrium`; infinite if not certainly an overlap.
+
+        The group knows where it touches itself better than a polyline does, but only where the distance of
+        two strands has a minimum.
+        """
+        if not self._diameter or self._rod is None:
+            return np.inf
+        points, length = self.outline(start), self._units.length
+        if float(np.linalg.norm(points[-1] - points[0])) < self._diameter:  # start and end beside each other
+            step = length / (len(points) - 1)
+            cut = int(np.ceil(SPACING * self._diameter / step))
+            points, length = points[cut:-cut], length - 2 * cut * step
+        if len(points) < 2:
+            return np.inf
+        apart = closest_approach(points, length, SPACING * self._diameter)
+        return apart if apart < DEEP * self._diameter else np.inf
 
     def remember(self) -> Remembered:
         """The present equilibrium, for `recall`."""

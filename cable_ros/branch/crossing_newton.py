@@ -58,7 +58,7 @@ class Pair(NamedTuple):
         """Whether a spacer is there."""
         return any(
             one.cables == self.cables
-            and float(np.linalg.norm(one.centres[::-1] - self.closest.points, axis=1).max())
+            and float(np.linalg.norm(one.points - self.closest.points, axis=1).max())
             < NEAR * self.apart
             for one in spacers
         )
@@ -82,10 +82,10 @@ class CrossingNewton:
 
     def __init__(self, cables: Sequence[CrossingCable], radii: Sequence[float]) -> None:
         self.cables, self._radii = tuple(cables), tuple(radii)
-        for i, cable in enumerate(self.cables):
-            others = [r for k, r in enumerate(self._radii) if k != i and r and self._radii[i]]
-            if others:
-                cable.finer = FINER * (self._radii[i] + min(others)) / cable.length
+        thick = [radius for radius in self._radii if radius]
+        for cable, radius in zip(self.cables, self._radii, strict=True):
+            if radius:
+                cable.finer = min(FINER * (radius + min(thick)) / cable.length, 1.0)
         self.reset()
 
     def reset(self) -> None:
@@ -262,41 +262,55 @@ class CrossingNewton:
         ]
 
     def pairs(self, poses: np.ndarray) -> list[Pair]:
-        """Where two cables with a radius come near each other; `poses` (n, 2, 7): of the clamps."""
+        """Where cables with a radius come near each other or themselves; `poses` (n, 2, 7): of the clamps."""
         out: list[Pair] = []
         lines = [cable.outline(own[0]) for cable, own in zip(self.cables, poses, strict=True)]
         curves = [cable.curve(own[0]) for cable, own in zip(self.cables, poses, strict=True)]
         for i, a in enumerate(curves):
-            for k, b in enumerate(curves[i + 1 :], i + 1):
+            for k, b in enumerate(curves[i:], i):
                 apart = self._radii[i] + self._radii[k]
                 if not (self._radii[i] and self._radii[k]):
                     continue
                 reach = apart + AHEAD * max(a.length, b.length)
-                for s in candidates(lines[i], lines[k], reach):
+                beyond = SPACING * apart / a.length if i == k else None
+                for s in candidates(lines[i], lines[k], reach, beyond):
                     found = closest(a, b, s)
-                    if not self._at_shared_clamp(found, poses[[i, k]], apart):
+                    if beyond is not None and not found.arcs[1] - found.arcs[0] > SPACING * apart:
+                        continue  # neighbours, one point in the end
+                    if not self._at_shared_clamp(found, poses[[i, k]], apart, itself=i == k):
                         inside = not found.at_end((a.length, b.length))
                         out.append(Pair((i, k), found, apart, inside))
         return out
 
     @staticmethod
-    def _at_shared_clamp(found: Closest, poses: np.ndarray, apart: float) -> bool:
-        """Whether the points are beside clamps of both, which are closer than the cables are thick."""
+    def _at_shared_clamp(found: Closest, poses: np.ndarray, apart: float, itself: bool) -> bool:
+        """Whether the points are beside clamps of both, which are closer than the cables are thick.
+
+        `itself`: of one cable, whose start and end may be.
+        """
+        first, second = (poses[0, :1], poses[1, 1:]) if itself else poses
         return any(
             float(np.linalg.norm(p[:3] - r[:3])) < apart
             and float(np.linalg.norm(found.points - np.stack([p[:3], r[:3]]), axis=1).min()) < SPACING * apart
-            for p in poses[0]
-            for r in poses[1]
+            for p in first
+            for r in second
         )
 
+    def _before_was(self, pair: Pair) -> Pair | None:
+        """The pair at the last equilibrium that has moved to this one; None: there was none nearby."""
+
+        def shift(one: Pair) -> float:
+            return float(np.abs(np.subtract(one.closest.arcs, pair.closest.arcs)).max())
+
+        near = AHEAD * max(cable.length for cable in self.cables)
+        known = [one for one in self._pairs if one.cables == pair.cables and shift(one) < near]
+        return min(known, key=shift, default=None)
+
     def _passed(self, pairs: Sequence[Pair]) -> bool:
-        """Whether two cables have passed through each other since the last equilibrium."""
+        """Whether two cables, or strands, have passed through each other since the last equilibrium."""
         for one in pairs:
-            for before in self._pairs:
-                if one.cables != before.cables or not (one.inside and before.inside):
-                    continue
-                shift = np.abs(np.subtract(one.closest.arcs, before.closest.arcs)).max()
-                same = shift < AHEAD * max(cable.length for cable in self.cables)
-                if same and float(one.closest.normal @ before.closest.normal) < 0.0:
+            before = self._before_was(one)
+            if before is not None and one.inside and before.inside:
+                if float(one.closest.normal @ before.closest.normal) < 0.0:
                     return True
         return False
