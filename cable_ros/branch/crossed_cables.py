@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cables of a scene that may touch each other, and themselves, from pose to pose on their common branch."""
+"""The cables of a scene that may touch each other and themselves, from pose to pose on one branch."""
 
 from __future__ import annotations
 
@@ -39,14 +39,15 @@ CHANGES = 6
 """Maximum number of times that contacts begin or end in one step."""
 NOT_SOLVED = "Cable '{}' could not be solved, and the cables may touch each other."
 NOT_TOGETHER = "Cables that touch each other, or themselves, could not be followed to this pose."
+SNAPS = "Cables that touch each other, or themselves, snap on the way to this pose: where to is not followed."
 LYING = "Cables '{}' and '{}' lie along each other: contact between cables is modelled at points only."
 LYING_ITSELF = "Cable '{}' lies along itself: contact between cables is modelled at points only."
 ON_GRID = "Cable '{}' lies on a grid of contacts, which cannot touch other cables."
 LOST = "the cables that touch each other could not be followed from pose to pose"
 NOT_APART = "Cables that overlap could not be pushed apart."
 NO_SIDE = (
-    "Without contact {} would pass through the middle of {}: nothing tells on which side; start where they are "
-    "apart."
+    "Without contact {} would pass through the middle of {}: nothing tells on which side; start where they "
+    "are apart."
 )
 SIDE = (
     "The scene does not tell on which side {} passes {}: this is the one on which they pass without contact."
@@ -67,7 +68,7 @@ class CrossedCables(CrossingNewton):
         """Forget the equilibria."""
         super().reset()
         self._failures, self._lost = 0, ""
-        self._cold = False
+        self._cold = self._snaps = False
         self._chosen: list[tuple[int, int]] = []  # whose side a cold start has taken, not told yet
 
     def solve(
@@ -142,7 +143,7 @@ class CrossedCables(CrossingNewton):
         assert origin is not None
         distance = float(np.abs(joints - origin).max(initial=0.0))
         longest = LONGEST / max(distance, LONGEST)
-        at, step, self.iterations, self.lying = 0.0, longest, 0, None
+        at, step, self.iterations, self.lying, self._snaps = 0.0, longest, 0, None, False
         while self.iterations < MOST_ITERATIONS:
             target = min(1.0, at + step)
             there = joints if target == 1.0 else origin + target * (joints - origin)
@@ -183,6 +184,7 @@ class CrossedCables(CrossingNewton):
                 break
             if deepest is None:
                 if not self._stable(poses, found):
+                    self._snaps = True
                     break
                 self._accept(joints, pairs, found)
                 return found
@@ -228,8 +230,10 @@ class CrossedCables(CrossingNewton):
         self._checkpoint()
         while size < pair.apart:
             to = min(size + step, pair.apart)
-            wider = state[-1].with_apart(to)
-            found = self._newton(kinematics, joints, poses, [*state[:-1], wider])
+            guess = [*state[:-1], state[-1].with_apart(to)]
+            if size == near.distance:
+                guess = self._centred(kinematics, joints, poses, guess, to - size)
+            found = self._newton(kinematics, joints, poses, guess)
             if found is None:
                 self._restore(self._spare)
                 step *= 0.5
@@ -291,7 +295,7 @@ class CrossedCables(CrossingNewton):
     def _why(self) -> str:
         """A sentence on why they could not be followed."""
         if self.lying is None:
-            return NOT_TOGETHER
+            return SNAPS if self._snaps else NOT_TOGETHER
         first, second = (self.cables[i].name for i in self.lying)
         return LYING_ITSELF.format(first) if first == second else LYING.format(first, second)
 
