@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from typing import Any
 
 import numpy as np
 import pytest
-from references import crossing
+from references import crossing, planar
 from scipy.spatial.transform import Rotation
 from test_crossing import (
     GRAVITY,
@@ -21,7 +22,9 @@ from test_crossing import (
     tracker,
     transformed,
 )  # fmt: skip
+from zoo_make import led
 
+from cable_ros.bench.cases import case_scene
 from cable_ros.equilibrium import Contact, Equilibrium, Status
 from cable_ros.scene import load_scene
 from cable_ros.tracker import Tracker
@@ -289,6 +292,44 @@ def test_michells_ring_is_unstable_at_the_published_twist(torsion: float) -> Non
         assert not found.overlaps
         assert abs(found.total_twist) == pytest.approx(part * critical, abs=1e-5)
     assert not model.arrive({"turn": 1.001 * critical})["ring"].status.trusted
+
+
+def test_a_snap_past_itself_is_that_of_a_scene_without_contact() -> None:
+    """An arch that snaps through without touching itself: the same energy in the same step."""
+    angles = np.arange(-20.0, 45.0, 1.0)
+    bow = planar.buckled(1.0, 1.0, 0.9)
+    case = led("arch", "", bow.scene(), [{"yaw": math.radians(a)} for a in angles])
+    base = case_scene(case)
+    thick = tuple(dataclasses.replace(cable, outer_diameter=0.01) for cable in base.cables)
+    found = []
+    for contact in (False, True):
+        model = Tracker(dataclasses.replace(base, cable_contact=contact, cables=thick), tolerance=1e-6)
+        found.append([model.solve(dict(pose))["cable"] for pose in case.path])
+    plain, touching = found
+    assert [one.status for one in plain] == [one.status for one in touching]
+    assert sum(one.status is Status.SNAPPED for one in touching) == 1
+    for one, other in zip(plain, touching, strict=True):
+        assert one.energy == pytest.approx(other.energy, rel=1e-6)
+
+
+def test_a_twisted_cable_that_snaps_onto_itself_says_so() -> None:
+    """Twisted by its end, it throws a loop that its strands close: there it is not followed."""
+    urdf = ACROSS.replace('name="y" type="prismatic"', 'name="turn" type="continuous"').replace(
+        'axis xyz="0 1 0"', 'axis xyz="1 0 0"'
+    )
+    slack = LEVEL | {
+        "length": 1.0, "outer_diameter": 0.006, "linear_density": 0.002,
+        "end": {"link": "tool", "position": [0.5, 0.03, 0.0], "rpy": [0.0, math.pi / 2, 0.0]},
+    }  # fmt: skip
+    scene = {"robot": {"urdf": "t.urdf"}, "gravity": GRAVITY, "cable_contact": True, "cables": [slack]}
+    model = Tracker(load_scene(scene, urdf=urdf), tolerance=1e-5)
+    for turn in np.arange(0.0, 20.0, 0.2):
+        (found,) = model.arrive({"turn": turn}).values()
+        if not found.converged:
+            break
+        assert not found.overlaps
+    assert found.status is Status.NOT_CONVERGED
+    assert "snaps onto itself" in found.message
 
 
 def test_turns_of_a_coil_that_lie_on_each_other_are_told() -> None:

@@ -13,7 +13,8 @@ import numpy as np
 from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.crossing_balance import CrossedTangent, OneOf
 from cable_ros.branch.crossing_cable import SLOTS, CrossingCable
-from cable_ros.branch.crossing_newton import CrossingNewton, Pair, overlapping
+from cable_ros.branch.crossing_newton import Pair, overlapping
+from cable_ros.branch.crossing_snap import CrossingSnap
 from cable_ros.branch.shared_piece import Place
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.crossing import Spacer
@@ -27,6 +28,10 @@ SHORTEST = 1e-4
 """Minimum step, rad or m; if even that fails, the cables cannot be followed."""
 MOST_ITERATIONS = 600
 """Budget of one solve: about half a second for two cables."""
+BEYOND = (10.0, 100.0)
+"""Steps of `SHORTEST` along the path at which a snap-through is tried."""
+JUMP = 0.02
+"""Minimum motion of a cable, over its length, that shows another branch."""
 PROGRESS = 0.01
 """Minimum progress of such a solve, rad or m; with less they are stuck."""
 PATIENCE = 2
@@ -40,6 +45,7 @@ CHANGES = 6
 NOT_SOLVED = "Cable '{}' could not be solved, and the cables may touch each other."
 NOT_TOGETHER = "Cables that touch each other, or themselves, could not be followed to this pose."
 SNAPS = "Cables that touch each other, or themselves, snap on the way to this pose: where to is not followed."
+ONTO_ITSELF = "The cable snaps onto itself on the way to this pose: where to is not followed."
 LYING = "Cables '{}' and '{}' lie along each other: contact between cables is modelled at points only."
 LYING_ITSELF = "Cable '{}' lies along itself: contact between cables is modelled at points only."
 ON_GRID = "Cable '{}' lies on a grid of contacts, which cannot touch other cables."
@@ -56,7 +62,7 @@ SIDELESS = 0.02
 """Distance of two centrelines, as a fraction of that at which they touch, that tells no side."""
 
 
-class CrossedCables(CrossingNewton):
+class CrossedCables(CrossingSnap):
     """Keeps all cables of a scene on their common branch, and knows where they touch.
 
     Args:
@@ -69,6 +75,7 @@ class CrossedCables(CrossingNewton):
         super().reset()
         self._failures, self._lost = 0, ""
         self._cold = self._snaps = False
+        self._told = ""  # a sentence on a snap that is not told yet
         self._chosen: list[tuple[int, int]] = []  # whose side a cold start has taken, not told yet
 
     def solve(
@@ -144,6 +151,7 @@ class CrossedCables(CrossingNewton):
         distance = float(np.abs(joints - origin).max(initial=0.0))
         longest = LONGEST / max(distance, LONGEST)
         at, step, self.iterations, self.lying, self._snaps = 0.0, longest, 0, None, False
+        self.onto_itself = False
         while self.iterations < MOST_ITERATIONS:
             target = min(1.0, at + step)
             there = joints if target == 1.0 else origin + target * (joints - origin)
@@ -159,8 +167,38 @@ class CrossedCables(CrossingNewton):
                 continue
             step = 0.5 * (target - at)
             if step * distance < SHORTEST:
-                return False
+                beyond = self._past_fold(kinematics, joints, at, step)
+                if beyond is None:
+                    return False
+                at, step = beyond, longest
+                if at == 1.0:
+                    return True
         return None if at * distance >= PROGRESS else False
+
+    def _past_fold(self, kinematics: Kinematics, joints: np.ndarray, at: float, step: float) -> float | None:
+        """Snap beyond a fraction `at` of the way to `joints`, by steps of `step`; where, None: not."""
+        last = self._joints
+        assert last is not None
+        origin = (last - at * joints) / (1.0 - at)
+        before = self._energy(kinematics.poses(last))
+        for reach in BEYOND:  # next to a fold nothing is exact
+            target = min(1.0, at + reach * step)
+            there = joints if target == 1.0 else origin + target * (joints - origin)
+            poses = kinematics.poses(there)
+            moved = self._snap(kinematics, there, poses)
+            if moved is not None:
+                if moved > JUMP:
+                    change = f"energy {before:.4g} -> {self._energy(poses):.4g} J"
+                    where = f"at {100.0 * target:.4g} % of the step"
+                    self._told = f"{Status.SNAPPED.sentence[:-1]} ({change} {where})."
+                return target
+            if self.onto_itself:
+                return None
+        return None
+
+    def _energy(self, poses: np.ndarray) -> float:
+        """Of all cables, J; `poses` (n, 2, 7): of their clamps."""
+        return sum(cable.energy(own) for cable, own in zip(self.cables, poses, strict=True))
 
     def _settled(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, guess: list[Spacer]
@@ -258,6 +296,11 @@ class CrossedCables(CrossingNewton):
             if exact is None:
                 return self._failed(Status.NOT_CONVERGED, self._why(), begin)
             self._accept(joints, self.pairs(poses), exact)
+        if self._told:
+            for i, one in enumerate(found):
+                if one.status is Status.CONVERGED:
+                    found[i] = replace(one, status=Status.SNAPPED, message=self._told)
+        self._told = ""
         for pair in overlapping(self._pairs, self.spacers):
             itself = pair.cables[0] == pair.cables[1]
             for i, k in [pair.cables] if itself else [pair.cables, pair.cables[::-1]]:
@@ -294,6 +337,8 @@ class CrossedCables(CrossingNewton):
 
     def _why(self) -> str:
         """A sentence on why they could not be followed."""
+        if self.onto_itself:
+            return ONTO_ITSELF
         if self.lying is None:
             return SNAPS if self._snaps else NOT_TOGETHER
         first, second = (self.cables[i].name for i in self.lying)

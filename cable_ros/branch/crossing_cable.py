@@ -8,8 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_ros.branch.continuation import PERTURBATION
 from cable_ros.branch.results import Reader
 from cable_ros.branch.shared_piece import Kept, Place, SharedPiece
+from cable_ros.branch.strand_springs import Strands, StrandSprings
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.crossing import Curve
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, SHAPE, SPHERE, WIDTH, placed
@@ -18,6 +20,7 @@ from cable_ros.contact.points import OBSTACLE
 from cable_ros.contact.report import contact_table
 from cable_ros.effects.effect import Properties
 from cable_ros.linalg.cross import cross
+from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
 
 SLOTS = 6
@@ -157,6 +160,42 @@ class CrossingCable(SharedPiece):
             return np.inf
         apart = closest_approach(points, length, SPACING * self._diameter)
         return apart if apart < DEEP * self._diameter else np.inf
+
+    def descend(
+        self, kinematics: Kinematics, joints: np.ndarray, place: Place, diameter: float, known: list[Strands]
+    ) -> tuple[bool, bool]:
+        """Descend the energy of this cable alone at a place nearby, its strands kept apart by springs.
+
+        Args:
+            kinematics, joints: of the robot.
+            place: where it is held.
+            diameter: L.
+            known: its strands that were near each other before; see `StrandSprings`.
+
+        Returns:
+            Whether it has got to an equilibrium that touches nothing, and whether it ends on itself. A cable
+            that stretches or is among obstacles, which springs do not know, does not move.
+        """
+        rod = self._rod
+        assert isinstance(rod, ActiveSetRod)
+        if self.first_slot or self._compliance is not None or not diameter:
+            return False, False
+        unit, self._seen = self._units, {}
+        qe, re, f = relative(place.poses, rod.qe, self._weight, unit.length, unit.force)
+        if not rod.chord(qe, re) < 1.0:
+            return False, False
+        rod.count, rod.ready = 0, False
+        rod.set_conditions(qe, re, f, self._placed(kinematics, joints, place.poses))
+        springs = StrandSprings(rod, diameter, known)
+        # of two mirror images always the same one, whatever the last bit
+        found = springs.descend(rod.retract(rod.on_end(self._q), PERTURBATION * rod.start_vector()), self._F)
+        self._spent += found.iterations
+        if springs.pressed(found.x):
+            return False, True
+        if not (found.converged and rod.refactor(found.x, found.y)):
+            return False, False
+        self._q, self._F, self._joints = found.x, found.y, joints
+        return True, False
 
     def remember(self) -> Remembered:
         """The present equilibrium, for `recall`."""

@@ -356,7 +356,8 @@ class CrossingNewton:
         """Whether two cables, or strands, have passed through each other since the last equilibrium."""
         for one in pairs:
             before = self._before_was(one)
-            known = before is not None and one.inside and before.inside
-            if known and float(one.closest.normal @ before.closest.normal) < 0.0:
+            if before is None or not (one.inside and before.inside):
+                continue
+            if float(one.closest.normal @ before.closest.normal) < 0.0:
                 return True
         return False
