@@ -32,6 +32,8 @@ BEYOND = (10.0, 100.0)
 """Steps of `SHORTEST` along the path at which a snap-through is tried."""
 JUMP = 0.02
 """Minimum motion of a cable, over its length, that shows another branch."""
+COLD = 3
+"""Budget of a cold start over that."""
 PROGRESS = 0.01
 """Minimum progress of such a solve, rad or m; with less they are stuck."""
 PATIENCE = 2
@@ -45,6 +47,10 @@ CHANGES = 6
 NOT_SOLVED = "Cable '{}' could not be solved, and the cables may touch each other."
 NOT_TOGETHER = "Cables that touch each other, or themselves, could not be followed to this pose."
 SNAPS = "Cables that touch each other, or themselves, snap on the way to this pose: where to is not followed."
+AT_CLAMP = (
+    "Cable '{}' is pressed beside its clamp, {:.3g} mm from it: contact that moves onto a clamp is not "
+    "followed."
+)
 ONTO_ITSELF = "The cable snaps onto itself on the way to this pose: where to is not followed."
 LYING = "Cables '{}' and '{}' lie along each other: contact between cables is modelled at points only."
 LYING_ITSELF = "Cable '{}' lies along itself: contact between cables is modelled at points only."
@@ -124,7 +130,7 @@ class CrossedCables(CrossingSnap):
             if self._lost:
                 cable.distrust(self._lost)
         self._accept(joints, [], [])
-        self._cold = True
+        self._cold, self.iterations = True, 0
         settled = self._settled(kinematics, joints, poses, [])
         self._cold = False
         if settled is None:
@@ -179,6 +185,8 @@ class CrossedCables(CrossingSnap):
         """Snap beyond a fraction `at` of the way to `joints`, by steps of `step`; where, None: not."""
         last = self._joints
         assert last is not None
+        if self._failures:  # it has been tried
+            return None
         origin = (last - at * joints) / (1.0 - at)
         before = self._energy(kinematics.poses(last))
         for reach in BEYOND:  # next to a fold nothing is exact
@@ -265,6 +273,7 @@ class CrossedCables(CrossingSnap):
         new = Spacer.between(pair.cables, slots, near.points, near.tangents, near.distance)
         state, size = [*spacers, new], near.distance
         step = pair.apart - size if size > (1.0 - DEEP) * pair.apart else 0.25 * pair.apart
+        most = COLD * MOST_ITERATIONS if self._cold else MOST_ITERATIONS
         self._checkpoint()
         while size < pair.apart:
             to = min(size + step, pair.apart)
@@ -275,10 +284,10 @@ class CrossedCables(CrossingSnap):
             if found is None:
                 self._restore(self._spare)
                 step *= 0.5
-                if step < LEAST_PUSH * pair.apart:
+                if step < LEAST_PUSH * pair.apart or self.iterations > most:
                     return None
                 continue
-            state, size = found, to
+            state, size, step = found, to, 1.5 * step
             self._checkpoint()
         return state
 
@@ -340,9 +349,19 @@ class CrossedCables(CrossingSnap):
         if self.onto_itself:
             return ONTO_ITSELF
         if self.lying is None:
-            return SNAPS if self._snaps else NOT_TOGETHER
+            return self._at_clamp() or (SNAPS if self._snaps else NOT_TOGETHER)
         first, second = (self.cables[i].name for i in self.lying)
         return LYING_ITSELF.format(first) if first == second else LYING.format(first, second)
+
+    def _at_clamp(self) -> str:
+        """A sentence on a contact that is beside a clamp, by the last equilibrium; empty: there is none."""
+        for pair in self._pairs:
+            if pair.known_to(self.spacers):
+                for i, s in zip(pair.cables, pair.closest.arcs, strict=True):
+                    beside = min(s, self.cables[i].length - s)
+                    if beside < pair.apart:
+                        return AT_CLAMP.format(self.cables[i].name, beside * 1e3)
+        return ""
 
     def _failed(
         self, status: Status, message: str, begin: float, which: int | None = None

@@ -32,7 +32,7 @@ ROWS, FAINT = 5, 1e-6
 """Rows of a spring in the bordered system, and the least size of what one adds to the Hessian, EI / L^3."""
 SAME = 0.1
 """Maximum motion along the cable, L, of a pair of closest points in a step."""
-OPTIONS = Options(radius=0.02, largest_radius=0.1, step_tolerance=1e-5, iterations=200)
+OPTIONS = Options(radius=0.02, largest_radius=0.1, step_tolerance=1e-5, iterations=150)
 """Steps are short: a strand moves by less than a diameter."""
 
 
