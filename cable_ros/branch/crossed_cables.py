@@ -185,7 +185,7 @@ class CrossedCables(CrossingSnap):
         """Snap beyond a fraction `at` of the way to `joints`, by steps of `step`; where, None: not."""
         last = self._joints
         assert last is not None
-        if self._failures:  # it has been tried
+        if self._failures or self._at_clamp():  # it has been tried, or would slip off the cable's end
             return None
         origin = (last - at * joints) / (1.0 - at)
         before = self._energy(kinematics.poses(last))

@@ -32,6 +32,9 @@ ROWS, FAINT = 5, 1e-6
 """Rows of a spring in the bordered system, and the least size of what one adds to the Hessian, EI / L^3."""
 SAME = 0.1
 """Maximum motion along the cable, L, of a pair of closest points in a step."""
+BESIDE = 1e-3
+"""Moment, EI / L, left at the end of a descent beside an equilibrium: where strands slide along each other
+the energy is that of the centreline, its derivatives those of the frames."""
 OPTIONS = Options(radius=0.02, largest_radius=0.1, step_tolerance=1e-5, iterations=150)
 """Steps are short: a strand moves by less than a diameter."""
 
@@ -58,6 +61,7 @@ class StrandSprings:
 
     def __init__(self, rod: ActiveSetRod, diameter: float, known: list[Strands]) -> None:
         self.rod, self.diameter, self.known = rod, diameter, known
+        self.at_end, self.slips = False, False
         self.retract, self.derivative, self.norm = rod.retract, rod.derivative, rod.norm
         self.normal_step = rod.normal_step
 
@@ -71,10 +75,14 @@ class StrandSprings:
         for fractions in candidates(line, line, self.diameter + WATCHED, SPACING * self.diameter):
             at, points, tangents = np.array(fractions), np.empty((2, 3)), np.empty((2, 3))
             closest_points(curve, curve, at, points, tangents)
-            if not at[1] - at[0] > SPACING * self.diameter or at[0] <= 0.0 or at[1] >= 1.0:
+            if not at[1] - at[0] > SPACING * self.diameter:
                 continue
             normal = points[0] - points[1]
             distance = float(np.linalg.norm(normal))
+            if at[0] <= 0.0 or at[1] >= 1.0:
+                # but for clamps that are beside each other
+                self.at_end |= distance < self.diameter and (at[0] > 0.0 or at[1] < 1.0)
+                continue
             normal /= max(distance, 1e-300)
             before = min(self.known, key=lambda one: np.abs(one.arcs - at).max(), default=None)
             if before is not None and np.abs(before.arcs - at).max() < SAME and normal @ before.normal < 0.0:
@@ -99,7 +107,9 @@ class StrandSprings:
 
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         rod = self.rod
+        self.at_end = False
         self.known = self.strands(x)
+        self.slips |= self.at_end
         pressed = [one for one in self.known if one.distance < self.diameter]
         k = len(pressed)
         rod.count = 2 * k
@@ -163,8 +173,12 @@ class StrandSprings:
         V = rod.V[3 : rod.rows]
         return rod.apply_hessian(s) + (V @ s / rod.delta[3 : rod.rows]) @ V
 
-    def descend(self, q: np.ndarray, F: np.ndarray) -> Minimum:
-        """From the nodal frames q (n, 4) and the end force F (3,)."""
+    def descend(self, q: np.ndarray, F: np.ndarray) -> tuple[Minimum, bool]:
+        """From the nodal frames q (n, 4) and the end force F (3,); and whether an equilibrium is beside it.
+
+        Not if a strand has come upon an end, where it may slip off what is not a cable there.
+        """
         found = minimize(self, q, F, OPTIONS)
+        left = float(np.abs(self.linearize(found.x, found.y)[2]).max())
         self.rod.count, self.rod.ready = 0, False
-        return found
+        return found, not self.slips and (found.converged or left < BESIDE)
