@@ -54,7 +54,7 @@ class Explanation:
     time: float
     """Median time of a warm-started solve, s."""
     self_contact: str
-    """Whether the cable touches itself, which is not modelled, as a sentence."""
+    """Whether the cable touches itself, and whether that is modelled, as a sentence."""
 
 
 def restricted(scene: Scene, names: Iterable[str]) -> Scene:
@@ -105,7 +105,11 @@ def explain(
             base[cable.name],
             tuple(_explained(effect, scene, cable, names, base[cable.name], found, times) for effect in ALL),
             float(np.median(times[""][cable.name])) if repeats else np.nan,
-            self_contact(cable, _approach(Tracker(on_branch, tolerance, 801), joints, step, way)[cable.name]),
+            self_contact(
+                cable,
+                _approach(Tracker(on_branch, tolerance, 801), joints, step, way)[cable.name],
+                scene.cable_contact,
+            ),
         )
         for cable, names in zip(scene.cables, present, strict=True)
     }
@@ -214,8 +218,11 @@ def _touching(found: Equilibrium) -> str:
     return f"; touches {names} {where} of its length with {force:.3g} N"
 
 
-def self_contact(cable: Cable, found: Equilibrium) -> str:
-    """Whether the cable comes so near to itself that this contact, which is not modelled, would matter."""
+def self_contact(cable: Cable, found: Equilibrium, solved: bool) -> str:
+    """Whether the cable comes so near to itself that this contact would matter; `solved`: it is modelled."""
+    if solved and found.converged and not any(one.other == cable.name for one in found.overlaps):
+        touches = sum(one.obstacle == cable.name for one in found.contacts) // 2
+        return f"Contact of the cable with itself is modelled; here it touches itself at {touches} points."
     if not found.converged:
         return f"{NOT_MODELLED}; there is no equilibrium that would tell whether it matters."
     diameter = 2.0 * cable.radius

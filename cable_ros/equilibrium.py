@@ -47,7 +47,7 @@ class Contact:
     """
 
     obstacle: str
-    """Its name in the scene; with `cable_contact` also that of another cable."""
+    """Its name in the scene; with `cable_contact` also that of another cable, or its own."""
     arc_length: float
     """From the start, m."""
     position: np.ndarray
@@ -61,7 +61,7 @@ class Contact:
     sliding: bool
     """Whether friction has given way; false without friction."""
     other_arc_length: float | None = None
-    """Where on the other cable, from its start, m; None on an obstacle."""
+    """Where on the other cable, or on the other strand of its own, from the start, m; None on an obstacle."""
 
     @property
     def normal_force(self) -> float:

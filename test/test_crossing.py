@@ -57,10 +57,10 @@ def tracker(cables: list[dict[str, Any]], tolerance: float = 1e-8, **more: Any) 
     return Tracker(load_scene(scene(cables, **more), urdf=LIFT), tolerance=tolerance)
 
 
-def lowered(model: Tracker, to: float) -> dict[str, Equilibrium]:
+def lowered(model: Tracker, to: float, first: float = 0.03) -> dict[str, Equilibrium]:
     """Come down from above both cables."""
     found: dict[str, Equilibrium] = {}
-    for lift in np.linspace(0.03, to, 5):
+    for lift in np.linspace(first, to, 5):
         found = model.arrive({"lift": lift})
         assert all(one.converged for one in found.values()), found
     return found
@@ -227,20 +227,21 @@ def test_does_not_depend_on_the_point_of_view() -> None:
     )
 
 
+def mirrored(cable: dict[str, Any]) -> dict[str, Any]:
+    """In the plane y = 0."""
+    out = dict(cable)
+    for name in ("start", "end"):
+        own = dict(cable[name])
+        own["position"] = np.multiply(own["position"], [1.0, -1.0, 1.0])
+        R = Rotation.from_euler("xyz", own.pop("rpy")).as_matrix()
+        # the mirror image of a right-handed frame, with its x axis turned round
+        image = np.diag([1.0, -1.0, 1.0]) @ R @ np.diag([-1.0, 1.0, 1.0])
+        out[name] = own | {"orientation": Rotation.from_matrix(image).as_quat()}
+    return out
+
+
 def test_mirror_image() -> None:
-    """In the plane y = 0: forces are mirrored, moments against it."""
-
-    def mirrored(cable: dict[str, Any]) -> dict[str, Any]:
-        out = dict(cable)
-        for name in ("start", "end"):
-            own = dict(cable[name])
-            own["position"] = np.multiply(own["position"], [1.0, -1.0, 1.0])
-            R = Rotation.from_euler("xyz", own.pop("rpy")).as_matrix()
-            # the mirror image of a right-handed frame, with its x axis turned round
-            image = np.diag([1.0, -1.0, 1.0]) @ R @ np.diag([-1.0, 1.0, 1.0])
-            out[name] = own | {"orientation": Rotation.from_matrix(image).as_quat()}
-        return out
-
+    """Forces are mirrored, moments against it."""
     base = lowered(tracker([BELOW, ABOVE]), -0.03)
     image = lowered(tracker([mirrored(BELOW), mirrored(ABOVE)]), -0.03)
     sign = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])

@@ -44,14 +44,20 @@ class System(NamedTuple):
     held: np.ndarray
     """(12 n + 6 o, same) derivative of these wrenches by these motions, spacers at rest."""
 
-    @property
-    def stable(self) -> bool:
-        """Whether it belongs to a minimum of the energy, each cable's among resting obstacles being one.
+    def modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Eigenvalues (5 k,) of the symmetric part of the tangent, rising, and their vectors (5 k, 5 k).
 
-        The inertia of all equations is that of the cables' and of this Schur complement together.
+        It belongs to a minimum of the energy, each cable's among resting obstacles being one, if `UNSTABLE`
+        of them are positive for each spacer: the inertia of all equations is that of the cables' and of this
+        Schur complement together.
         """
-        found = np.linalg.eigvalsh(0.5 * (self.tangent + self.tangent.T))
-        return int((found > 0.0).sum()) == UNSTABLE * (len(found) // FREEDOMS)
+        values, vectors = np.linalg.eigh(0.5 * (self.tangent + self.tangent.T))
+        return values, vectors
+
+
+def is_minimum(values: np.ndarray) -> bool:
+    """Whether these eigenvalues (5 k,) of `System.modes` are those of a minimum."""
+    return int((values > 0.0).sum()) == UNSTABLE * (len(values) // FREEDOMS)
 
 
 def assemble(spacers: Sequence[Spacer], responses: Sequence[np.ndarray], obstacles: int = 0) -> System:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cable that may touch other cables, each of which it sees as an obstacle where it does."""
+"""A cable that may touch others and itself, and sees an obstacle wherever it does."""
 
 from __future__ import annotations
 
@@ -8,21 +8,30 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_ros.branch.cable_tracker import ALGEBRAIC
 from cable_ros.branch.results import Reader
 from cable_ros.branch.shared_piece import Kept, Place, SharedPiece
+from cable_ros.branch.strand_springs import Strands, StrandSprings
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.crossing import Curve
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, SHAPE, SPHERE, WIDTH, placed
-from cable_ros.contact.points import OBSTACLE
+from cable_ros.contact.overlaps import SPACING, closest_approach
+from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT
 from cable_ros.contact.report import contact_table
 from cable_ros.effects.effect import Properties
 from cable_ros.linalg.cross import cross
+from cable_ros.rod import warm_step
+from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
 
 SLOTS = 6
-"""Maximum number of places where a cable touches others."""
+"""Maximum number of places where a cable touches others; where it touches itself, two."""
 FINEST = 1e-12
 """Minimum tolerance, relative."""
+ASIDE = 1e-4
+"""Rotation of sections, rad, by which a descent begins beside an equilibrium that it leaves."""
+DEEP = 0.9
+"""Distance of two parts in diameters, by a polyline, below which they overlap for certain."""
 WORLD = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 
 
@@ -136,6 +145,80 @@ class CrossingCable(SharedPiece):
         """See `SharedPiece.attempt`; again for a cable that stretches, whose first step ends beside it."""
         found = super().attempt(kinematics, joints, place)
         return found and (self._compliance is None or super().attempt(kinematics, joints, place))
+
+    def _closest_approach(self, start: np.ndarray) -> float:
+        """See `SearchedEquilibrium`; infinite if not certainly an overlap.
+
+        The group knows where it touches itself better than a polyline does, but only where the distance of
+        two strands has a minimum.
+        """
+        if not self._diameter or self._rod is None:
+            return np.inf
+        points, length = self.outline(start), self._units.length
+        if float(np.linalg.norm(points[-1] - points[0])) < self._diameter:  # start and end beside each other
+            step = length / (len(points) - 1)
+            cut = int(np.ceil(SPACING * self._diameter / step))
+            points, length = points[cut:-cut], length - 2 * cut * step
+        if len(points) < 2:
+            return np.inf
+        apart = closest_approach(points, length, SPACING * self._diameter)
+        return apart if apart < DEEP * self._diameter else np.inf
+
+    def descend(
+        self, kinematics: Kinematics, joints: np.ndarray, place: Place, diameter: float, known: list[Strands]
+    ) -> tuple[bool, list[tuple[Strands, float]]]:
+        """Descend the energy of this cable alone at a place nearby, its strands kept apart by springs.
+
+        Args:
+            kinematics, joints: of the robot.
+            place: where it is held.
+            diameter: L.
+            known: its strands that were near each other before; see `StrandSprings`.
+
+        Returns:
+            Whether it has got to a minimum, and where its strands press on each other at the end, with the
+            forces, EI / L^2: then `press` must follow. A cable that stretches or is among obstacles, which
+            springs do not know, does not move.
+        """
+        rod = self._rod
+        assert isinstance(rod, ActiveSetRod)
+        if self.first_slot or self._compliance is not None or not diameter:
+            return False, []
+        unit, self._seen = self._units, {}
+        qe, re, f = relative(place.poses, rod.qe, self._weight, unit.length, unit.force)
+        if not rod.chord(qe, re) < 1.0:
+            return False, []
+        rod.count, rod.ready = 0, False
+        rod.set_conditions(qe, re, f, self._placed(kinematics, joints, place.poses))
+        # on the old mesh, coarse but at its contacts, energy and gradient would differ where it goes
+        q = rod.refined(self._q)
+        rod.refactor(q, self._F)
+        springs = StrandSprings(rod, diameter, known)
+        # of two mirror images always the same one, whatever the last bit
+        found, arrived = springs.descend(rod.retract(rod.on_end(q), ASIDE * rod.start_vector()), self._F)
+        self._spent += found.iterations
+        pressed = [(one, springs.force(one)) for one in springs.pressed(found.x)]
+        if arrived:
+            self._q, self._F, self._joints = found.x, found.y, joints
+        return arrived and (bool(pressed) or rod.refactor(found.x, found.y)), pressed
+
+    def press(self, loads: dict[int, tuple[float, float]]) -> bool:
+        """Find the equilibrium beside a shape that presses on slots: at an arc length, L, with EI / L^2."""
+        rod = self._rod
+        assert isinstance(rod, ActiveSetRod)
+        rod.count, rod.ready = len(loads), False
+        points = rod.points[: rod.count]
+        points[:] = 0.0
+        points[:, INTERFACE] = -1.0
+        for row, (slot, (arc, force)) in zip(points, loads.items(), strict=True):
+            row[OBSTACLE], row[ARC_LENGTH], row[KIND], row[FORCE] = self.first_slot + slot, arc, POINT, force
+        rod.work = self._full_budget
+        q = rod.fit(self._q)
+        code, iterations, q, F = rod.correct(q, self._F, ALGEBRAIC * self.tolerance)
+        self._spent += iterations
+        if code == warm_step.ADVANCED:
+            self._q, self._F = q, F
+        return bool(code == warm_step.ADVANCED)
 
     def remember(self) -> Remembered:
         """The present equilibrium, for `recall`."""

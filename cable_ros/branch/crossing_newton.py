@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.branch.crossing_balance import CrossedTangent
+from cable_ros.branch.crossing_balance import CrossedTangent, is_minimum
 from cable_ros.branch.crossing_cable import CrossingCable, Remembered, Touch
 from cable_ros.branch.shared_piece import Place, onward
 from cable_ros.contact.crossing import FREEDOMS, Closest, Spacer, candidates, closest
@@ -21,6 +21,10 @@ SLOW, STALLED = 0.2, 0.5
 """Rate of convergence beyond which the tangent is renewed, and beyond which a renewed one fails."""
 MOST_SLOW = 2
 """Maximum number of the latter."""
+CENTRED = 4
+"""Maximum number of shifts of a new spacer along its normal, before Newton's method."""
+SHORTER = 4
+"""Maximum number of times that a step is halved after which a cable does not touch a spacer."""
 FARTHEST = 0.3
 """Maximum step of Newton's method, as a fraction of the distance of the axes."""
 WRENCH = 0.1
@@ -31,8 +35,9 @@ EXACT = 1e-3
 """Fraction of the tolerance at which the steps end."""
 FINER = 0.1
 """Tolerance of each cable over that of all together, in the distance of the axes over the cable's length."""
-RENEWED = 0.02
-"""Motion of clamps and spacers, rad or parts of the length, after which stability is judged again."""
+RENEWED, SURE = 0.002, 0.5
+"""Maximum motion of clamps and spacers, rad or parts of the length, after which stability is judged again;
+and as a fraction of that at which an eigenvalue would be zero if it went on as between the last two times."""
 TANGENT = 4
 """Work of a tangent, in iterations."""
 NEAR = 3.0
@@ -58,8 +63,7 @@ class Pair(NamedTuple):
         """Whether a spacer is there."""
         return any(
             one.cables == self.cables
-            and float(np.linalg.norm(one.centres[::-1] - self.closest.points, axis=1).max())
-            < NEAR * self.apart
+            and float(np.linalg.norm(one.points - self.closest.points, axis=1).max()) < NEAR * self.apart
             for one in spacers
         )
 
@@ -82,10 +86,10 @@ class CrossingNewton:
 
     def __init__(self, cables: Sequence[CrossingCable], radii: Sequence[float]) -> None:
         self.cables, self._radii = tuple(cables), tuple(radii)
-        for i, cable in enumerate(self.cables):
-            others = [r for k, r in enumerate(self._radii) if k != i and r and self._radii[i]]
-            if others:
-                cable.finer = FINER * (self._radii[i] + min(others)) / cable.length
+        thick = [radius for radius in self._radii if radius]
+        for cable, radius in zip(self.cables, self._radii, strict=True):
+            if radius:
+                cable.finer = min(FINER * (radius + min(thick)) / cable.length, 1.0)
         self.reset()
 
     def reset(self) -> None:
@@ -102,8 +106,9 @@ class CrossingNewton:
         self._before: tuple[np.ndarray, list[Spacer]] | None = None  # the step before the last
         self._pairs: list[Pair] = []
         self._inverse: np.ndarray | None = None
-        self._spread, self._is_minimum = np.zeros((0, 0)), False
-        self._judged: np.ndarray | None = None  # where clamps and spacers were then
+        self._spread, self._modes = np.zeros((0, 0)), (np.zeros(0), np.zeros((0, 0)))
+        self._judged: tuple[np.ndarray, np.ndarray] | None = None  # where all was then, and eigenvalues
+        self._sure = 0.0  # how far from there it is stable
         for cable in self.cables:
             cable.reset()
 
@@ -159,8 +164,8 @@ class CrossingNewton:
     ) -> list[Spacer] | None:
         """The spacers in balance near a guess, each cable in equilibrium among them; None: not found."""
         spacers, tolerance = list(guess), self.cables[0].asked
-        size, slow = np.inf, 0
-        self.loose = set()
+        size, slow, shorter = np.inf, 0, SHORTER  # no step can be made shorter yet
+        before, each = spacers, np.zeros((len(spacers), FREEDOMS))
         for iteration in range(ITERATIONS):
             self.iterations += 1
             self._show(kinematics, joints, poses, spacers)
@@ -172,6 +177,11 @@ class CrossingNewton:
             if not spacers:
                 return spacers
             residual = self._residual(spacers, poses)
+            if residual is None and self.loose and shorter < SHORTER:
+                # where contact begins a step may end beside it, if one of the two is stiff
+                shorter, size, each = shorter + 1, np.inf, 0.5 * each
+                spacers = [one.moved(own) for one, own in zip(before, each, strict=True)]
+                continue
             if residual is None:
                 return None
             step, new = self._step(residual, spacers)
@@ -187,9 +197,36 @@ class CrossingNewton:
             if new <= EXACT * tolerance:
                 return spacers
             size, part = new, min(1.0, FARTHEST / new)
-            each = part * step.reshape(-1, FREEDOMS)
-            spacers = [one.moved(own) for one, own in zip(spacers, each, strict=True)]
+            before, each, shorter = spacers, part * step.reshape(-1, FREEDOMS), 0
+            spacers = [one.moved(own) for one, own in zip(before, each, strict=True)]
         return None
+
+    def _centred(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, spacers: Sequence[Spacer],
+        overlap: float,
+    ) -> list[Spacer]:  # fmt: skip
+        """Spacers whose last one, new and `overlap`, m, too wide, is pressed alike from both sides, roughly.
+
+        Where one side is far stiffer than the other, Newton's method from the middle ends beside it.
+        """
+        *others, new = spacers
+        shift = np.zeros(FREEDOMS)
+        reach = np.full(2, 0.5 * overlap)  # how far it reaches into either side
+        for _ in range(CENTRED):
+            self._show(kinematics, joints, poses, [*others, new.moved(shift)])
+            for cable, own in zip(self.cables, poses, strict=True):
+                if not cable.attempt(kinematics, joints, Place(own, cable.length)):
+                    return [*others, new]
+            force = np.array([touch.force for touch in self._touches(new.moved(shift), poses)])
+            if not force.all():
+                break
+            stiffness = force / reach
+            reach = overlap * stiffness[::-1] / stiffness.sum()
+            moved = shift[2]
+            shift[2] = 0.5 * (reach[0] - reach[1])
+            if abs(shift[2] - moved) < 0.1 * reach.min():
+                break
+        return [*others, new.moved(shift)]
 
     def _step(self, residual: np.ndarray, spacers: Sequence[Spacer]) -> tuple[np.ndarray, float]:
         """Newton's step (5 k,) by the last tangent, and its size; infinite without one."""
@@ -201,6 +238,7 @@ class CrossingNewton:
     def _residual(self, spacers: Sequence[Spacer], poses: np.ndarray) -> np.ndarray | None:
         """(5 k,) forces on the spacers, see `Spacer.basis`; None: some are not pressed at one point each."""
         out = np.empty((len(spacers), FREEDOMS))
+        self.loose = set()
         for j, one in enumerate(spacers):
             touches = self._touches(one, poses)
             if any(touch.points == 0 for touch in touches):
@@ -217,7 +255,7 @@ class CrossingNewton:
         system = CrossedTangent(self.cables, spacers, poses).system()
         try:
             self._inverse, self._spread = np.linalg.inv(system.tangent), system.spread
-            self._is_minimum = system.stable
+            self._modes = system.modes()
         except np.linalg.LinAlgError:
             return False
         return bool(np.isfinite(self._inverse).all())
@@ -234,13 +272,21 @@ class CrossingNewton:
             (poses / ([length] * 3 + [1.0] * 4)).ravel(),
             np.concatenate([one.centres.ravel() for one in spacers]) / length,
         ])  # fmt: skip
-        before = self._judged
-        if before is not None and len(before) == len(here) and np.abs(here - before).max() < RENEWED:
+        before = self._judged if self._judged is not None and len(self._judged[0]) == len(here) else None
+        moved = np.inf if before is None else float(np.abs(here - before[0]).max())
+        if moved <= self._sure:
             return True
         if not self._renew(spacers, poses):
             return False
-        self._judged = here if self._is_minimum else None
-        return self._is_minimum
+        values = self._modes[0]
+        if not is_minimum(values):
+            return False
+        self._sure = 0.0
+        if before is not None:
+            closer = np.maximum((np.abs(before[1]) - np.abs(values)) / np.abs(values), 1e-9)
+            self._sure = min(RENEWED, SURE * moved / float(closer.max()))
+        self._judged = here, values
+        return True
 
     def _size(self, step: np.ndarray, spacers: Sequence[Spacer]) -> float:
         """Of a step (5 k,): over the distance of the axes, or of a change of the wrenches."""
@@ -262,41 +308,56 @@ class CrossingNewton:
         ]
 
     def pairs(self, poses: np.ndarray) -> list[Pair]:
-        """Where two cables with a radius come near each other; `poses` (n, 2, 7): of the clamps."""
+        """Where cables with a radius come near each other or themselves; `poses` (n, 2, 7): of the clamps."""
         out: list[Pair] = []
         lines = [cable.outline(own[0]) for cable, own in zip(self.cables, poses, strict=True)]
         curves = [cable.curve(own[0]) for cable, own in zip(self.cables, poses, strict=True)]
         for i, a in enumerate(curves):
-            for k, b in enumerate(curves[i + 1 :], i + 1):
+            for k, b in enumerate(curves[i:], i):
                 apart = self._radii[i] + self._radii[k]
                 if not (self._radii[i] and self._radii[k]):
                     continue
                 reach = apart + AHEAD * max(a.length, b.length)
-                for s in candidates(lines[i], lines[k], reach):
+                beyond = SPACING * apart / a.length if i == k else None
+                for s in candidates(lines[i], lines[k], reach, beyond):
                     found = closest(a, b, s)
-                    if not self._at_shared_clamp(found, poses[[i, k]], apart):
+                    if beyond is not None and not found.arcs[1] - found.arcs[0] > SPACING * apart:
+                        continue  # neighbours, one point in the end
+                    if not self._at_shared_clamp(found, poses[[i, k]], apart, itself=i == k):
                         inside = not found.at_end((a.length, b.length))
                         out.append(Pair((i, k), found, apart, inside))
         return out
 
     @staticmethod
-    def _at_shared_clamp(found: Closest, poses: np.ndarray, apart: float) -> bool:
-        """Whether the points are beside clamps of both, which are closer than the cables are thick."""
+    def _at_shared_clamp(found: Closest, poses: np.ndarray, apart: float, itself: bool) -> bool:
+        """Whether the points are beside clamps of both, which are closer than the cables are thick.
+
+        `itself`: of one cable, whose start and end may be.
+        """
+        first, second = (poses[0, :1], poses[1, 1:]) if itself else poses
         return any(
             float(np.linalg.norm(p[:3] - r[:3])) < apart
             and float(np.linalg.norm(found.points - np.stack([p[:3], r[:3]]), axis=1).min()) < SPACING * apart
-            for p in poses[0]
-            for r in poses[1]
+            for p in first
+            for r in second
         )
 
+    def _before_was(self, pair: Pair) -> Pair | None:
+        """The pair at the last equilibrium that has moved to this one; None: there was none nearby."""
+
+        def shift(one: Pair) -> float:
+            return float(np.abs(np.subtract(one.closest.arcs, pair.closest.arcs)).max())
+
+        near = AHEAD * max(cable.length for cable in self.cables)
+        known = [one for one in self._pairs if one.cables == pair.cables and shift(one) < near]
+        return min(known, key=shift, default=None)
+
     def _passed(self, pairs: Sequence[Pair]) -> bool:
-        """Whether two cables have passed through each other since the last equilibrium."""
+        """Whether two cables, or strands, have passed through each other since the last equilibrium."""
         for one in pairs:
-            for before in self._pairs:
-                if one.cables != before.cables or not (one.inside and before.inside):
-                    continue
-                shift = np.abs(np.subtract(one.closest.arcs, before.closest.arcs)).max()
-                same = shift < AHEAD * max(cable.length for cable in self.cables)
-                if same and float(one.closest.normal @ before.closest.normal) < 0.0:
-                    return True
+            before = self._before_was(one)
+            if before is None or not (one.inside and before.inside):
+                continue
+            if float(one.closest.normal @ before.closest.normal) < 0.0:
+                return True
         return False

@@ -140,6 +140,10 @@ class ActiveSetRod(FixedSetRod):
         mesh = layered(self.mesh, self.points[: self.count], float(np.linalg.norm(F)))
         return q if len(mesh.lengths) == len(self.h) else self._onto(mesh, q)
 
+    def refined(self, q: np.ndarray) -> np.ndarray:
+        """Change to a mesh with all elements halved; returns the shape q (n, 4) on it."""
+        return self._onto(self.mesh.split(np.ones(len(self.h), bool)), q)
+
     def _onto(self, mesh: Mesh, q: np.ndarray) -> np.ndarray:
         fresh = self.mesh.interpolate(q, mesh.nodes)
         fresh[0], fresh[-1] = q[0], q[-1]

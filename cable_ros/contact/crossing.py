@@ -29,6 +29,10 @@ UNSTABLE = 2
 smallest distance, the largest distance of two parallel planes between the cables."""
 HALF_LENGTH = 3.0
 """Of a spacer's cylinders, distances of the axes: it stands for the cable nearby."""
+WITHIN, SHORT = 0.4, 0.5
+"""Radius about the axis on which the centreline of a cable stays that touches itself, and half length of such
+a cylinder, distances of the centrelines. The cable sees both cylinders, and each strand must touch its own
+only: it stays clear of the other one by 1 - 2 WITHIN, unless it turns round within a diameter."""
 
 
 class Spacer(NamedTuple):
@@ -40,7 +44,8 @@ class Spacer(NamedTuple):
     """Which of the first one's obstacles it is, and of the second one's."""
     centres: np.ndarray
     """(2, 3) a point of the axis that the first cable sees, which is on the second, and the other way round;
-    their difference is the common normal."""
+    their difference is along the common normal. Of a cable that touches itself the axes are between its two
+    strands, each nearer to the strand that sees it."""
     axes: np.ndarray
     """(2, 3) unit vectors along these axes, across the normal."""
 
@@ -49,29 +54,41 @@ class Spacer(NamedTuple):
         cls, cables: tuple[int, int], slots: tuple[int, int], points: np.ndarray, tangents: np.ndarray,
         apart: float,
     ) -> Spacer:  # fmt: skip
-        """With axes that are `apart`, m, about the middle of two closest points.
+        """For centrelines that are `apart`, m, about the middle of two closest points.
 
         Args:
             cables, slots: as the fields.
             points, tangents: (2, 3) of the first and of the second cable.
-            apart: distance of the axes.
+            apart: distance of the centrelines.
         """
         normal = points[0] - points[1]
         normal /= np.linalg.norm(normal)
         middle = 0.5 * (points[0] + points[1])
         axes = tangents[::-1] - np.outer(tangents[::-1] @ normal, normal)
         axes /= np.linalg.norm(axes, axis=1)[:, None]
-        return cls(cables, slots, middle + 0.5 * apart * np.stack([-normal, normal]), axes)
+        half = 0.5 * apart * _lever(cables)
+        return cls(cables, slots, middle + half * np.stack([-normal, normal]), axes)
+
+    @property
+    def of_itself(self) -> bool:
+        """Whether one cable touches itself."""
+        return self.cables[0] == self.cables[1]
 
     @property
     def apart(self) -> float:
-        """Distance of the axes, m."""
-        return float(np.linalg.norm(self.centres[1] - self.centres[0]))
+        """Distance of the centrelines that touch it, m."""
+        return float(np.linalg.norm(self.centres[1] - self.centres[0])) / abs(_lever(self.cables))
+
+    @property
+    def points(self) -> np.ndarray:
+        """(2, 3) of the centrelines, where these touch it."""
+        half = 0.5 * (self.centres[1] - self.centres[0]) / _lever(self.cables)
+        return self.centres.mean(axis=0) + np.stack([half, -half])
 
     @property
     def frame(self) -> np.ndarray:
         """(3, 3) two directions across the normal, and the normal, from the second cable to the first."""
-        normal = (self.centres[1] - self.centres[0]) / self.apart
+        normal = (self.centres[1] - self.centres[0]) / (self.apart * _lever(self.cables))
         first = self.axes[0]
         return np.stack([first, cross(normal, first), normal])
 
@@ -100,25 +117,34 @@ class Spacer(NamedTuple):
     def step_to(self, other: Spacer) -> np.ndarray:
         """(FREEDOMS,) the step that leads to one nearby, to first order."""
         frame, change = self.frame, other.centres - self.centres
-        turn = cross(self.frame[2], change[1] - change[0])  # times the distance of the axes
+        # times the distance of the centrelines
+        turn = cross(self.frame[2], change[1] - change[0]) / _lever(self.cables)
         return np.concatenate([frame @ change.mean(axis=0), frame[:2] @ turn])
 
     def with_apart(self, apart: float) -> Spacer:
-        """With its axes at another distance, m."""
-        return Spacer.between(self.cables, self.slots, self.centres[::-1], self.axes[::-1], apart)
+        """For another distance of the centrelines, m."""
+        return Spacer.between(self.cables, self.slots, self.points, self.axes[::-1], apart)
 
     def along(self, tangents: np.ndarray) -> Spacer:
         """With its axes along the tangents (2, 3) of the first and the second cable."""
-        return Spacer.between(self.cables, self.slots, self.centres[::-1], tangents, self.apart)
+        return Spacer.between(self.cables, self.slots, self.points, tangents, self.apart)
 
     def obstacle(self, side: int, radius: float) -> np.ndarray:
         """(WIDTH,) what the cable of that side sees, as `distance.gap` takes it; `radius` of the other, m."""
         row, axis, normal = np.zeros(WIDTH), self.axes[side], self.frame[2]
         row[SHAPE], row[CENTRE:AXES] = CAPSULE, self.centres[side]
         row[AXES:DIMENSIONS] = np.column_stack([normal, cross(axis, normal), axis]).ravel()
-        row[DIMENSIONS : DIMENSIONS + 2] = radius, HALF_LENGTH * self.apart
-        row[OFFSET] = self.apart - radius
+        if self.of_itself:
+            row[DIMENSIONS : DIMENSIONS + 2] = WITHIN * self.apart, SHORT * self.apart
+        else:
+            row[DIMENSIONS : DIMENSIONS + 2] = radius, HALF_LENGTH * self.apart
+            row[OFFSET] = self.apart - radius
         return row
+
+
+def _lever(cables: tuple[int, int]) -> float:
+    """Distance along the normal of a spacer's axes, over that of the centrelines."""
+    return 2.0 * WITHIN - 1.0 if cables[0] == cables[1] else 1.0
 
 
 class Curve(NamedTuple):
@@ -182,10 +208,13 @@ def closest(a: Curve, b: Curve, fractions: tuple[float, float]) -> Closest:
     return Closest((float(at[0]) * a.length, float(at[1]) * b.length), points, tangents)
 
 
-def candidates(p: np.ndarray, r: np.ndarray, reach: float) -> list[tuple[float, float]]:
+def candidates(
+    p: np.ndarray, r: np.ndarray, reach: float, beyond: float | None = None
+) -> list[tuple[float, float]]:
     """Where the distance of two polylines (n, 3), (m, 3) has a minimum below `reach`, in fractions of them.
 
-    Points are at equal arc lengths.
+    Points are at equal arc lengths. With `beyond`, of one polyline with itself: minima at fractions that are
+    farther apart than this, the smaller one first.
     """
     d = np.sqrt(((p[:, None] - r[None]) ** 2).sum(axis=2))
     if not d.min() < reach:
@@ -197,4 +226,6 @@ def candidates(p: np.ndarray, r: np.ndarray, reach: float) -> list[tuple[float, 
         for k in range(3):
             if (i, k) != (1, 1):
                 low &= d <= around[i : i + len(p), k : k + len(r)]
+    if beyond is not None:
+        low &= np.triu(np.ones_like(low), int(np.ceil(beyond * (len(p) - 1))))
     return [(i / (len(p) - 1), k / (len(r) - 1)) for i, k in np.argwhere(low)]

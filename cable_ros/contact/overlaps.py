@@ -162,11 +162,15 @@ class Pairs:
         return closest_between(a, b, steps[0], steps[1], needed) if len(a) and len(b) else np.inf
 
 
-def with_overlap(found: Equilibrium, overlap: Overlap) -> Equilibrium:
-    """A result that tells one more overlap with another cable."""
-    message = (
-        f"{found.message} Contact between cables is not modelled and matters here: it comes within "
-        f"{overlap.distance * 1e3:.3g} mm of cable '{overlap.other}', less than the sum of their radii, "
-        f"{overlap.contact_distance * 1e3:.3g} mm."
-    )
-    return dataclasses.replace(found, message=message, overlaps=(*found.overlaps, overlap))
+def with_overlap(found: Equilibrium, overlap: Overlap, itself: bool = False) -> Equilibrium:
+    """A result that tells one more overlap with another cable, or of the cable with itself."""
+    if itself:
+        sentence = warning(overlap.distance, overlap.contact_distance)
+    else:
+        sentence = (
+            f"Contact between cables is not modelled and matters here: it comes within "
+            f"{overlap.distance * 1e3:.3g} mm of cable '{overlap.other}', less than the sum of their radii, "
+            f"{overlap.contact_distance * 1e3:.3g} mm."
+        )
+    overlaps = (*found.overlaps, overlap)
+    return dataclasses.replace(found, message=f"{found.message} {sentence}", overlaps=overlaps)

@@ -58,7 +58,7 @@ SCENE = (
     ),
     Field(
         "cable_contact", "true or false", "true or false",
-        "Whether the cables touch each other, without friction; if not, where they overlap is told.",
+        "Whether the cables touch each other and themselves, without friction; if not, overlaps are told.",
         "true", default=False, absent="false",
     ),
     Field(

@@ -206,7 +206,7 @@ class Scene:
     friction_model: str = "coulomb"
     """coulomb: stick and slip; sliding: fully mobilised against the end's motion, (53) of Liu et al."""
     cable_contact: bool = False
-    """Whether cables touch each other; if not, where they overlap is told."""
+    """Whether cables touch each other and themselves; if not, where they overlap is told."""
     effects: str | tuple[str, ...] = "all"
     """auto: what matters at the tolerance; all: what has numbers in the scene; or some of `EFFECTS`."""
 
