@@ -68,11 +68,12 @@ class Kinematics:
                 frames.moving = []
 
     def _update(self, frames: _Frames, q: np.ndarray) -> np.ndarray:
-        if frames.moving:
+        if frames.moving and frames.at != (at := q.tobytes()):
             pin = self._pin
             pin.framesForwardKinematics(self._model, self._data, q)
             for i, _, placement in frames.moving:
                 frames.poses[i] = pin.SE3ToXYZQUAT(placement)
+            frames.at = at
         return frames.poses
 
     def _jacobians(self, frames: _Frames, q: np.ndarray) -> np.ndarray:
@@ -131,6 +132,8 @@ class _Frames:
     def __init__(self, links: list[str | None], poses: np.ndarray) -> None:
         self.links, self.poses = links, poses
         self.moving: list[tuple[int, int, Any]] = []
+        self.at = b""
+        """Bytes of the joint values that the poses are for."""
 
     def add(self, pin: Any, model: Any, kind: str) -> None:
         for i, link in enumerate(self.links):
