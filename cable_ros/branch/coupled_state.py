@@ -13,6 +13,7 @@ from cable_ros.branch.shared_piece import Place
 from cable_ros.compilation import LEAF_ENTRY, njit
 from cable_ros.rod import quaternion
 
+
 class Shared(NamedTuple):
     """The unknowns of n supports."""
 
@@ -46,7 +47,7 @@ class Shared(NamedTuple):
 
 @njit(**LEAF_ENTRY)
 def _turn(mounts, turns, poses):  # type: ignore[no-untyped-def]
-    """Put the sections that are turned by `turns` (n, 4) in their `mounts` into `poses`, (n + 1, 2, 7) both."""
+    """Turn sections in their `mounts` by `turns` (n, 4), into `poses`; both (n + 1, 2, 7)."""
     for j in range(turns.shape[0]):
         mount, turn = mounts[j, 1], turns[j]
         w, x, y, z = quaternion.product(

@@ -30,9 +30,9 @@ def clearance(c, h, s0, obstacles):
     """Least distance from the obstacles (n, WIDTH), the arc length where it is, and which obstacle's it is.
 
     What is too far away to hold a smaller distance, by its length, is left out, as is an interval whose ends
-    are; the smallest of the samples of all others is refined by golden sections between its neighbours. Two minima
-    nearer to each other than 1 / (32 16) of the length may be taken for one. Units of the cable; negative:
-    inside.
+    are; the smallest of the samples of all others is refined by golden sections between its neighbours. Two
+    minima nearer to each other than 1 / (32 16) of the length may be taken for one. Units of the cable;
+    negative: inside.
     """
     best, at, which = np.inf, 0.0, 0
     work, ends = np.empty((5, 3)), np.empty(COARSE + 1)
