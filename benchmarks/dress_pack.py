@@ -3,7 +3,7 @@
 
 python benchmarks/dress_pack.py           counts, depths, times
 python benchmarks/dress_pack.py --plot F  and a picture of some poses in the file F
-python benchmarks/dress_pack.py --rate 500  that of examples/dress_pack.py, with clips and a ring, in ten seconds
+python benchmarks/dress_pack.py --rate 500  ten seconds of examples/dress_pack.py, with clips and a ring
 
 The arm with its meshes is that of example-robot-data: pip install -e '.[robot,plot,mesh,benchmarks]'
 """
@@ -49,7 +49,8 @@ def main() -> None:
     parser.add_argument("--rate", type=float, help="joint states in a second of the example's path")
     args = parser.parse_args()
     if args.rate:
-        return supported(poses(round(10.0 * args.rate)))
+        supported(poses(round(10.0 * args.rate)))
+        return
     begin = time.perf_counter()
     judge = Tracker(load_scene(scene(None)))
     print(f"fits {time.perf_counter() - begin:.1f} s, solids beside: {len(judge.robot_overlaps._obstacles)}")
