@@ -178,13 +178,14 @@ class Balance:
         if not self._move(kinematics, joints, mounts, guess):
             return None
         tolerance = EXACT * self.pieces[0].tolerance
-        state, size, fresh, rate = guess, np.inf, False, SLOW
+        state, size, rate = guess, np.inf, SLOW
+        age = ITERATIONS  # number of steps since the tangent was made
         for iteration in range(ITERATIONS):
             free = self.free
             if self._inverse is None or len(self._inverse) != free.sum():
                 if not self._renew(mounts, state):
                     return None
-                fresh = True
+                age = 0
             assert self._inverse is not None
             ends = [piece.ends() for piece in self.pieces]
             residual = residual_of(ends, self._push)
@@ -197,15 +198,15 @@ class Balance:
                 rate = new / size
                 if rate > STALLED and new <= max(NOISE * self.pieces[0].tolerance, ROUNDING):
                     return state
-                if rate > STALLED and fresh:
+                if rate > STALLED and age <= 1:
                     return None
-            if iteration and rate > SLOW and not fresh:
+            if iteration and rate > SLOW and age:
                 self._inverse, size = None, np.inf
                 continue
             size = new
             if new <= tolerance:
                 return state
-            state = state.moved(step)
+            state, age = state.moved(step), age + 1
             if not self._move(kinematics, joints, mounts, state):
                 return None
             if new * min(max(rate, 1e-3), 1.0) <= tolerance:
