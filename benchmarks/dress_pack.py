@@ -3,6 +3,7 @@
 
 python benchmarks/dress_pack.py           counts, depths, times
 python benchmarks/dress_pack.py --plot F  and a picture of some poses in the file F
+python benchmarks/dress_pack.py --rate 500  ten seconds of examples/dress_pack.py, with clips and a ring
 
 The arm with its meshes is that of example-robot-data: pip install -e '.[robot,plot,mesh,benchmarks]'
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from cable_ros import Tracker, load_scene
+from cable_ros.bench.markdown import markdown_table
+from cable_ros.joint import joint_torque
+from examples import dress_pack
 from examples.dress_pack import depth, poses, urdf
 
 POSES = 75
@@ -41,7 +46,11 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--plot", help="file of the picture")
+    parser.add_argument("--rate", type=float, help="joint states in a second of the example's path")
     args = parser.parse_args()
+    if args.rate:
+        supported(poses(round(10.0 * args.rate)))
+        return
     begin = time.perf_counter()
     judge = Tracker(load_scene(scene(None)))
     print(f"fits {time.perf_counter() - begin:.1f} s, solids beside: {len(judge.robot_overlaps._obstacles)}")
@@ -69,6 +78,38 @@ def main() -> None:
         )
     if args.plot:
         draw(judge, shapes, args.plot)
+
+
+def supported(path: list[dict[str, float]]) -> None:
+    """Print processor times of what the node computes for each joint state."""
+    values = dress_pack.scene()
+    tracker = Tracker(load_scene(values))
+    judge = Tracker(load_scene({key: value for key, value in values.items() if key != "obstacles"}))
+    found = tracker.arrive(path[0])
+    assert found["hose"].extremes  # what is compiled, or loaded, is not counted
+    joint_torque(tracker, found, path[0])
+    tracker.arrive(path[1])
+    tracker.arrive(path[0])
+    statuses: Counter[str] = Counter()
+    deepest, times = 0.0, []
+    for joints in path:
+        begin = time.thread_time()
+        found = tracker.solve(joints)
+        solved = time.thread_time()
+        assert found["hose"].extremes or not found["hose"].status.trusted
+        limited = time.thread_time()
+        joint_torque(tracker, found, joints)
+        times.append((solved - begin, limited - solved, time.thread_time() - limited))
+        statuses[found["hose"].status.name] += 1
+        deepest = max(deepest, depth(judge, found["hose"], joints))
+    spent = 1e3 * np.array(times)
+    rows = [
+        [name, *(f"{value:.2f} ms" for value in np.percentile(column, [50, 90, 99, 99.9, 100]))]
+        for name, column in zip(("solve", "limits", "joint load"), spent.T, strict=True)
+    ]
+    rows.append(["all", *(f"{v:.2f} ms" for v in np.percentile(spent.sum(axis=1), [50, 90, 99, 99.9, 100]))])
+    print(f"{dict(statuses)}, deepest in a solid {deepest * 1e3:.4f} mm")
+    print(markdown_table(["processor time", "median", "90 %", "99 %", "99.9 %", "most"], rows))
 
 
 def draw(judge: Tracker, shapes: dict[str, list[Any]], file: str) -> None:

@@ -3,6 +3,7 @@
 
     python benchmarks/latency.py                    # 30 s at 1 kHz through each, two cores, log on
     python benchmarks/latency.py --memory 600       # memory of the node over ten minutes at 1 kHz
+    python benchmarks/latency.py --dress-pack --rate 500    # the hose of examples/dress_pack.py on a UR10
 
 A client in a process of its own publishes joint states and receives wrenches; blocks with either node
 alternate, so that both see the same machine. Every joint state is answered, or was counted by the node as
@@ -12,6 +13,7 @@ skipped or lost.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import platform
 import random
@@ -20,6 +22,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 # The processes of one run see each other and nothing else.
@@ -38,6 +42,9 @@ from tqdm import tqdm
 from cable_ros.ros.cdr_template import Template
 from cable_ros.share import share_file
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from examples import dress_pack
+
 BLOCK = 3.0  # s
 Process = subprocess.Popen[bytes]
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -45,20 +52,46 @@ ANSWERS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)  # t
 _STAMP = struct.Struct("<iI")
 
 
+@dataclass(frozen=True)
+class Motion:
+    """A robot that moves: which joints, where they are at each joint state, and the cable that is timed."""
+
+    joints: list[str]
+    at: Callable[[int], list[float]]
+    cable: str
+
+
+def arm(rate: float) -> Motion:
+    """The space arm's last joint goes to and fro at 0.5 rad/s."""
+    step = 0.5 / rate
+    return Motion(
+        ["pitch", "orientation"], lambda i: [0.0, abs((i * step + np.pi) % (2 * np.pi) - np.pi) - np.pi / 2],
+        "camera_cable",
+    )  # fmt: skip
+
+
+def pick_and_place(rate: float) -> Motion:
+    """The path of examples/dress_pack.py in ten seconds, again and again."""
+    path = dress_pack.poses(round(10.0 * rate))
+    values = [list(joints.values()) for joints in path]
+    return Motion(list(path[0]), lambda i: values[i % len(values)], "hose")
+
+
 class Client:
     """Publishes joint states on one topic and times the wrenches that come back on another."""
 
-    def __init__(self, name: str, request: str, answer: str) -> None:
+    def __init__(self, name: str, request: str, answer: str, motion: Motion) -> None:
+        self._motion = motion
         self.node = rclpy.create_node(name)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
         self._publisher = self.node.create_publisher(JointState, request, BEST_EFFORT)
         self.node.create_subscription(WrenchStamped, answer, self._receive, ANSWERS, raw=True)
-        self._message = Template(JointState(name=["pitch", "orientation"], position=[0.0, 0.0]))
-        self._positions = self._message.view("position[0]", 2)
+        self._message = Template(JointState(name=motion.joints, position=[0.0] * len(motion.joints)))
+        self._positions = self._message.view("position[0]", len(motion.joints))
         self.sent = 0
         self.round_trips: list[float] = []
-        self._angle = 0.0
+        self._moved = 0
 
     def _receive(self, data: bytes) -> None:
         now = time.time_ns()
@@ -76,12 +109,12 @@ class Client:
         self._spin_until(time.monotonic() + 0.5)
 
     def run(self, rate: float, seconds: float) -> None:
-        """Publish at `rate` for so long; the joint goes to and fro at 0.5 rad/s."""
-        step, start = 0.5 / rate, time.monotonic()
+        """Publish at `rate` for so long, going on from where the robot is."""
+        start = time.monotonic()
         for i in range(round(rate * seconds)):
             self._spin_until(start + i / rate)
-            self._angle = (self._angle + step + np.pi) % (2 * np.pi) - np.pi
-            self._publish(abs(self._angle) - np.pi / 2)
+            self._moved += 1
+            self._publish()
         self._spin_until(time.monotonic() + 0.2)
 
     def counters(self) -> np.ndarray:
@@ -103,8 +136,8 @@ class Client:
         self.node.destroy_subscription(subscription)
         return found[-1]
 
-    def _publish(self, angle: float = 0.0) -> None:
-        self._positions[1] = angle
+    def _publish(self) -> None:
+        self._positions[:] = self._motion.at(self._moved)
         self._message.stamp(*divmod(time.time_ns(), 1_000_000_000))
         self._publisher.publish(self._message.to_bytes())
         self.sent += 1
@@ -132,12 +165,14 @@ def cpu(process: Process) -> float:
 
 
 def latency(
-    cable: subprocess.Popen[bytes], echo: subprocess.Popen[bytes], rate: float, seconds: float
+    cable: subprocess.Popen[bytes], echo: subprocess.Popen[bytes], motion: Motion, rate: float, seconds: float
 ) -> None:
     """Measure and print both round trips and their ratios."""
     clients = {
-        "echo": Client("echo_client", "echo/joint_states", "/echo_node/wrench"),
-        "cable_node": Client("cable_client", "joint_states", "/cable_node/camera_cable/end_wrench"),
+        "echo": Client("echo_client", "echo/joint_states", "/echo_node/wrench", motion),
+        "cable_node": Client(
+            "cable_client", "joint_states", f"/cable_node/{motion.cable}/end_wrench", motion
+        ),
     }
     processes = {"echo": echo, "cable_node": cable}
     for client in clients.values():
@@ -169,9 +204,9 @@ def latency(
     print(f"neither answered nor counted: {client.sent - len(client.round_trips) - skipped - lost}")
 
 
-def memory(cable: Process, rate: float, seconds: float) -> None:
+def memory(cable: Process, motion: Motion, rate: float, seconds: float) -> None:
     """Print the node's resident memory twenty times."""
-    client = Client("cable_client", "joint_states", "/cable_node/camera_cable/end_wrench")
+    client = Client("cable_client", "joint_states", f"/cable_node/{motion.cable}/end_wrench", motion)
     client.wait()
     print(f"{'s':>8}{'resident':>12}")
     print(f"{0:8.0f}{resident(cable):9.1f} MB")
@@ -191,6 +226,7 @@ def main() -> None:
     parser.add_argument("--cores", type=int, default=2, help="cores that all processes share (2)")
     parser.add_argument("--no-log", action="store_true", help="with the log off")
     parser.add_argument("--memory", type=float, metavar="SECONDS", help="measure memory for so long instead")
+    parser.add_argument("--dress-pack", action="store_true", help="a UR10 with a hose, not the space arm")
     parser.add_argument(
         "-p", "--parameter", action="append", default=[], help="further parameter, NAME:=VALUE"
     )
@@ -199,7 +235,10 @@ def main() -> None:
     print(f"{platform.machine()}, {args.cores} cores, Python {platform.python_version()}, {args.rate:g} Hz")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["ROS_LOG_DIR"] = folder
-        scene = share_file("config", "space_arm.yaml")
+        scene, motion = share_file("config", "space_arm.yaml"), arm(args.rate)
+        if args.dress_pack:
+            scene, motion = Path(folder, "dress_pack.yaml"), pick_and_place(args.rate)
+            scene.write_text(json.dumps(dress_pack.scene()))  # JSON is YAML
         enabled = str(not args.no_log).lower()
         cable = start(
             ["-m", "cable_ros.ros.cable_node"], f"scene:={scene}", f"log.enabled:={enabled}", *args.parameter
@@ -211,9 +250,9 @@ def main() -> None:
         rclpy.init()
         try:
             if args.memory:
-                memory(cable, args.rate, args.memory)
+                memory(cable, motion, args.rate, args.memory)
             else:
-                latency(cable, echo, args.rate, args.seconds)
+                latency(cable, echo, motion, args.rate, args.seconds)
         finally:
             for process in (cable, echo):
                 process.terminate()

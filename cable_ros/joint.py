@@ -18,7 +18,6 @@ from cable_ros.branch.pieces import response, runs
 from cable_ros.equilibrium import Equilibrium
 from cable_ros.linalg.cross import cross
 from cable_ros.rod.quaternion import matrices_from_ros
-from cable_ros.scene.model import FREE
 from cable_ros.tracker import Tracker
 
 
@@ -108,7 +107,7 @@ def joint_torques(
         pairs = zip(rows, poses.tolist(), strict=True)
         return np.array([joint_torque(tracker, row, dict(zip(names, q, strict=True))) for row, q in pairs])
     wrenches = np.array([[(p.start_wrench, p.end_wrench) for p in _pieces(tracker, row)] for row in rows])
-    wrenches[:, _free_ends(tracker)] = 0.0
+    wrenches[:, kinematics.free_ends] = 0.0
     orientations = np.array([kinematics.poses(q)[..., 3:] for q in poses]).reshape(-1, 4)
     to_world = matrices_from_ros(orientations).reshape(*wrenches.shape[:3], 3, 3)
     velocities = np.array([kinematics.jacobians(q) for q in poses])
@@ -253,17 +252,12 @@ def _wrenches_and_jacobians(
     q = np.array([joints[name] for name in tracker.joint_names], dtype=float)
     found = _pieces(tracker, equilibria)
     wrenches = np.array([(one.start_wrench, one.end_wrench) for one in found])
-    wrenches[_free_ends(tracker)] = 0.0
+    wrenches[tracker.kinematics.free_ends] = 0.0
     wrenches = wrenches.reshape(len(found), 12)
     orientations = np.ascontiguousarray(tracker.kinematics.poses(q)[..., 3:]).reshape(-1, 4)
     to_clamp = matrices_from_ros(orientations).transpose(0, 2, 1).reshape(len(found), 2, 1, 3, 3)
     velocities = tracker.kinematics.jacobians(q).reshape(len(found), 2, 2, 3, len(q))
     return wrenches, (to_clamp @ velocities).reshape(len(found), 12, len(q))
-
-
-def _free_ends(tracker: Tracker) -> np.ndarray:
-    """(pieces, 2) whether the start and the end are free: no link feels their load."""
-    return np.array([[mount.kind == FREE for mount in piece.mounts] for piece in tracker.scene.pieces])
 
 
 def _pieces(tracker: Tracker, equilibria: Mapping[str, Equilibrium]) -> list[Equilibrium]:

@@ -337,7 +337,7 @@ class Tracker:
             return found
         links = self.kinematics.obstacle_poses(joints)
         extremes = tracked.extremes(limits, self._beside[index], links, tracked.origin(poses))
-        return dataclasses.replace(found, _extremes=extremes)
+        return Equilibrium.of(vars(found) | {"_extremes": extremes})
 
     def arrive(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
         """As `solve`, called again until no cable is `Status.UNFINISHED`: for work without a deadline."""

@@ -17,15 +17,19 @@ import argparse
 import dataclasses
 import sys
 import time
+import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cable_ros import Tracker, load_scene
 from cable_ros.equilibrium import Equilibrium
+from cable_ros.scene.kinematics import Kinematics
+from cable_ros.scene.obstacles import Obstacle, Sphere
 
 FOLDER = "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf"
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
@@ -35,6 +39,8 @@ STOPS = np.array([
     [0.8, -1.3, 1.6, -1.8, -1.2, 0.0], [0.0, -1.2, 1.6, -1.9, -1.57, 0.0],
 ])  # fmt: skip
 """Joint values at the corners of the path, rad."""
+VIEW = np.radians([-25.0, 12.0])
+"""From where it is drawn: about the vertical from the arm's side, and from above, rad."""
 LINKS = ["forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"]
 """Links that the hose can reach."""
 
@@ -122,38 +128,82 @@ def run(friction: float, path: Sequence[dict[str, float]]) -> list[Equilibrium]:
     return found
 
 
+def link_meshes(robot: Path) -> list[tuple[str, Any]]:
+    """Each link of the URDF with its collision mesh in its own frame."""
+    import trimesh
+
+    folder, out = robot.parents[2], []
+    for link in ET.parse(robot).getroot().iter("link"):
+        for collision in link.iter("collision"):
+            mesh, origin = collision.find("geometry/mesh"), collision.find("origin")
+            if mesh is None:
+                continue
+            place = np.eye(4)
+            if origin is not None:
+                turn = [float(part) for part in origin.get("rpy", "0 0 0").split()]
+                place[:3, :3] = Rotation.from_euler("xyz", turn).as_matrix()
+                place[:3, 3] = [float(part) for part in origin.get("xyz", "0 0 0").split()]
+            file = mesh.get("filename", "").removeprefix("package://example-robot-data/robots/")
+            shape = trimesh.load(folder / file, force="mesh")
+            out.append((link.get("name", ""), shape.apply_transform(place)))
+    return out
+
+
 def draw(path: Sequence[dict[str, float]], found: Sequence[Equilibrium], file: str) -> None:
-    """Hose, supports and the links' solids at six poses, seen from the side."""
+    """The arm's meshes, the hose and what holds it at six poses, from its side, as one would see them."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.collections import PolyCollection
 
-    from cable_ros.drawing.robot import moved
-    from cable_ros.drawing.silhouettes import silhouette
-    from cable_ros.rod.quaternion import from_ros, multiply, rotate, to_ros
-
-    tracker = Tracker(load_scene(scene()))
-    obstacles, kinematics = tracker.scene.obstacles, tracker.kinematics
-    figure, axes = plt.subplots(2, 3, figsize=(15, 9), layout="constrained")
+    loaded, meshes = load_scene(scene()), link_meshes(urdf())
+    radius, tracker = loaded.cables[0].radius, Tracker(loaded)
+    points = tuple(Obstacle(link, Sphere(np.zeros(3), 0.0), link=link) for link, _ in meshes)
+    links = Kinematics(dataclasses.replace(loaded, obstacles=points))
+    light = np.array([0.3, -0.8, 0.5]) / np.linalg.norm([0.3, -0.8, 0.5])
+    figure, axes = plt.subplots(2, 3, figsize=(15, 8), layout="constrained", sharex=True, sharey=True)
     for axis, index in zip(axes.flat, np.linspace(0, len(path) - 1, 6).astype(int), strict=True):
-        values = np.array([path[index][name] for name in tracker.joint_names])
-        # turned back about the vertical: the arm is always seen from its side
-        half = -0.5 * path[index]["shoulder_pan_joint"]
-        back = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
-        for obstacle, pose in zip(obstacles, kinematics.obstacle_poses(values), strict=True):
-            turned = np.concatenate([rotate(back, pose[:3]), to_ros(multiply(back, from_ros(pose[3:])))])
-            corners = silhouette(moved(obstacle.shape, turned), 0, 2, np.zeros(3), np.ones(3))
-            axis.fill(*corners.T, color="0.5", alpha=0.25)
-        points = np.array([rotate(back, point) for point in found[index].points])
-        axis.plot(points[:, 0], points[:, 2], "C0", linewidth=3)
-        held = kinematics.poses(values)
-        for place in (*held[:, 0, :3], held[-1, 1, :3]):
-            x, _, z = rotate(back, place)
-            axis.plot(x, z, "C3o")
-        degrees = np.degrees(path[index]["wrist_3_joint"])
-        axis.set(aspect="equal", title=f"wrist 3 at {degrees:.0f} degrees", xlabel="m", ylabel="m")
-    figure.savefig(file, dpi=70)
+        joints = path[index]
+        # turned back about the vertical, and looked at from a little to the front and above
+        view = Rotation.from_euler("zx", [-joints["shoulder_pan_joint"] + VIEW[0], VIEW[1]])
+        q = np.array([joints[name] for name in links.joint_names])
+        triangles, colours = [], []
+        for (_, mesh), pose in zip(meshes, links.obstacle_poses(q), strict=True):
+            turn = view * Rotation.from_quat(pose[3:])
+            corners = turn.apply(np.array(mesh.vertices)) + view.apply(pose[:3])
+            shade = 0.55 + 0.4 * np.clip(turn.apply(np.array(mesh.face_normals)) @ light, 0.0, 1.0)
+            triangles.append(corners[mesh.faces])
+            colours.append(np.repeat(shade[:, None], 3, axis=1))
+        line = view.apply(found[index].points)
+        along = np.gradient(line[:, [0, 2]], axis=0)
+        across = (
+            radius * np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+        )
+        sides = np.stack([line, line], axis=1)
+        sides[:, 0, [0, 2]] += across
+        sides[:, 1, [0, 2]] -= across
+        sides[:, :, 1] -= radius  # its nearest point
+        quads = np.stack([sides[:-1, 0], sides[1:, 0], sides[1:, 1], sides[:-1, 1]], axis=1)
+        shapes = [*np.concatenate(triangles), *quads]
+        paint = [*np.concatenate(colours), *np.tile([0.12, 0.35, 0.75], (len(quads), 1))]
+        # painted from the back to the front
+        order = np.argsort([-shape[:, 1].mean() for shape in shapes])
+        axis.add_collection(
+            PolyCollection(
+                [shapes[i][:, [0, 2]] for i in order],
+                facecolors=[paint[i] for i in order],
+                edgecolors=[paint[i] for i in order],
+                linewidths=0.3,
+            )
+        )
+        held = tracker.kinematics.poses(np.array([joints[name] for name in tracker.joint_names]))
+        places = view.apply(np.concatenate([held[:, 0, :3], held[-1:, 1, :3]]))
+        axis.plot(places[:, 0], places[:, 2], "o", color="C3", markersize=5)
+        axis.set(aspect="equal", title=f"wrist 3 at {np.degrees(joints['wrist_3_joint']):.0f} degrees")
+        axis.set(xlabel="m", ylabel="m")
+    axes[0, 0].autoscale_view()
+    figure.savefig(file, dpi=60)
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupled_tangent import CoupledTangent, Turned
-from cable_ros.branch.coupling import PER, Ends, System, assemble, judged, residual_of
+from cable_ros.branch.coupling import PER, Ends, System, assemble, judged, residual_of, step_size
 from cable_ros.branch.shared_piece import Kept, SharedPiece
 from cable_ros.rod import quaternion
 from cable_ros.scene import Cable, Kinematics
@@ -21,8 +21,6 @@ SLOW, STALLED = 0.2, 0.5
 """Rate of convergence beyond which the tangent is renewed, and beyond which a renewed one fails."""
 FARTHEST = 0.25
 """Maximum step of Newton's method: a rotation, rad, or part of a length."""
-WRENCH = 0.1
-"""Weight of a relative change of the wrenches beside a rotation in rad: each may be 1 / 0.1 as inexact."""
 NOISE, ROUNDING = 0.02, 2e-9
 """Fraction of the tolerance, and size, below which steps that stall are rounding of the pieces' solutions."""
 EXACT = 1e-3
@@ -52,6 +50,7 @@ class Balance:
         self._guides = np.array([support.slides for support in run.supports])
         self._tubes = np.array([support.kind == TUBE for support in run.supports])
         self._friction = np.array([support.friction for support in run.supports])
+        self._known_free: dict[bytes, np.ndarray] = {}  # by what slides
         self.reset()
 
     def reset(self) -> None:
@@ -78,10 +77,14 @@ class Balance:
     @property
     def free(self) -> np.ndarray:
         """(4 n,) which unknowns there are: rotations, in a tube about its axis only, and arcs that slide."""
-        out = np.ones((len(self._guides), PER), bool)
-        out[self._tubes, :2] = False
-        out[:, 3] = self._guides & ((self._friction == 0.0) | (self._slides != 0))
-        return out.ravel()
+        key = self._slides.tobytes()
+        known = self._known_free.get(key)
+        if known is None:
+            out = np.ones((len(self._guides), PER), bool)
+            out[self._tubes, :2] = False
+            out[:, 3] = self._guides & ((self._friction == 0.0) | (self._slides != 0))
+            known = self._known_free[key] = out.ravel()
+        return known
 
     @property
     def _push(self) -> np.ndarray:
@@ -175,13 +178,14 @@ class Balance:
         if not self._move(kinematics, joints, mounts, guess):
             return None
         tolerance = EXACT * self.pieces[0].tolerance
-        state, size, fresh, rate = guess, np.inf, False, SLOW
+        state, size, rate = guess, np.inf, SLOW
+        age = ITERATIONS  # number of steps since the tangent was made
         for iteration in range(ITERATIONS):
             free = self.free
             if self._inverse is None or len(self._inverse) != free.sum():
                 if not self._renew(mounts, state):
                     return None
-                fresh = True
+                age = 0
             assert self._inverse is not None
             ends = [piece.ends() for piece in self.pieces]
             residual = residual_of(ends, self._push)
@@ -194,15 +198,15 @@ class Balance:
                 rate = new / size
                 if rate > STALLED and new <= max(NOISE * self.pieces[0].tolerance, ROUNDING):
                     return state
-                if rate > STALLED and fresh:
+                if rate > STALLED and age <= 1:
                     return None
-            if iteration and rate > SLOW and not fresh:
+            if iteration and rate > SLOW and age:
                 self._inverse, size = None, np.inf
                 continue
             size = new
             if new <= tolerance:
                 return state
-            state = state.moved(step)
+            state, age = state.moved(step), age + 1
             if not self._move(kinematics, joints, mounts, state):
                 return None
             if new * min(max(rate, 1e-3), 1.0) <= tolerance:
@@ -211,15 +215,10 @@ class Balance:
 
     def _size(self, step: np.ndarray, ends: Sequence[Ends]) -> float:
         """Of a step (4 n,): largest rotation, rad, shift over the shortest length, or part of a wrench."""
-        each = step.reshape(-1, PER)
         shortest = min(piece.length for piece in self.pieces)
-        size = max(float(np.abs(each[:, :3]).max()), float(np.abs(each[:, 3]).max()) / shortest)
-        if self._spread is None:
-            return size
         wrenches = np.concatenate([one.wrenches for one in ends])
-        change = np.abs(self._spread[: len(wrenches)] @ step).reshape(-1, 2, 3).max(axis=(0, 2))
-        whole = np.abs(wrenches).reshape(-1, 2, 3).max(axis=(0, 2)) + 1e-300
-        return max(size, WRENCH * float((change / whole).max()))
+        spread = self._spread
+        return step_size(step, shortest, np.empty((0, len(step))) if spread is None else spread, wrenches)
 
     def tangent(self, mounts: np.ndarray, state: Shared) -> CoupledTangent:
         """The linearised equations about the present equilibria of the pieces."""

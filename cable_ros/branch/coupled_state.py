@@ -10,10 +10,8 @@ import numpy as np
 
 from cable_ros.branch.coupling import PER
 from cable_ros.branch.shared_piece import Place
+from cable_ros.compilation import LEAF_ENTRY, njit
 from cable_ros.rod import quaternion
-
-SCALAR_FIRST = [6, 3, 4, 5]
-"""Columns of a pose with the quaternion w x y z."""
 
 
 class Shared(NamedTuple):
@@ -42,11 +40,21 @@ class Shared(NamedTuple):
     def places(self, mounts: np.ndarray, length: float) -> list[Place]:
         """Where each piece is held; `mounts` (n + 1, 2, 7): of their ends; `length` of all together, m."""
         poses = mounts.copy()
-        for j, turn in enumerate(self.turns):
-            section = quaternion.multiply(mounts[j, 1, SCALAR_FIRST], turn)
-            poses[j, 1, SCALAR_FIRST] = poses[j + 1, 0, SCALAR_FIRST] = section
+        _turn(mounts, self.turns, poses)
         cuts = [0.0, *self.arcs.tolist(), length]
         return [Place(poses[i], cuts[i + 1] - cuts[i]) for i in range(len(poses))]
+
+
+@njit(**LEAF_ENTRY)
+def _turn(mounts, turns, poses):  # type: ignore[no-untyped-def]
+    """Turn sections in their `mounts` by `turns` (n, 4), into `poses`; both (n + 1, 2, 7)."""
+    for j in range(turns.shape[0]):
+        mount, turn = mounts[j, 1], turns[j]
+        w, x, y, z = quaternion.product(
+            (mount[6], mount[3], mount[4], mount[5]), (turn[0], turn[1], turn[2], turn[3])
+        )
+        for pose in (poses[j, 1], poses[j + 1, 0]):
+            pose[3], pose[4], pose[5], pose[6] = x, y, z, w
 
 
 def first_guess(mounts: np.ndarray, arcs: np.ndarray, length: float, tubes: np.ndarray) -> Shared:

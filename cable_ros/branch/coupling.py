@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_ros.compilation import LEAF_ENTRY, njit
 from cable_ros.linalg.cross import cross
 
 TANGENT = np.array([0.0, 0.0, 1.0])
@@ -33,6 +34,8 @@ START, END = slice(0, 6), slice(6, 12)
 PER = 4
 """Unknowns of a support: rotation of its section about the section's own axes, rad, and arc length, m. Those
 that it holds are there, too, and stay."""
+WRENCH = 0.1
+"""Weight of a relative change of the wrenches beside a rotation in rad: each may be 1 / 0.1 as inexact."""
 
 
 class Section(NamedTuple):
@@ -57,15 +60,21 @@ class Ends(NamedTuple):
     @classmethod
     def of(cls, wrenches: np.ndarray, section: Section) -> Ends:
         """From its wrenches."""
-        moment = np.empty((2, 3))
-        moment[0], moment[1] = wrenches[3:6], -wrenches[9:]
-        elastic = moment / section.stiffness
-        before, after = moment @ section.natural
-        forces = np.array([
-            wrenches[2] + 0.5 * (moment[0] @ elastic[0]) + before,
-            -wrenches[8] + 0.5 * (moment[1] @ elastic[1]) + after,
-        ])  # fmt: skip
-        return cls(wrenches, elastic + section.natural, forces)
+        curvatures, forces = np.empty((2, 3)), np.empty(2)
+        _read_ends(wrenches, section.stiffness, section.natural, curvatures, forces)
+        return cls(wrenches, curvatures, forces)
+
+
+@njit(**LEAF_ENTRY)
+def _read_ends(wrenches, stiffness, natural, curvatures, forces):  # type: ignore[no-untyped-def]
+    """Curvatures (2, 3) and configurational forces (2,) from the wrenches (12,): see `Ends`."""
+    for i, sign in enumerate((1.0, -1.0)):
+        forces[i] = sign * wrenches[6 * i + 2]
+        for k in range(3):
+            moment = sign * wrenches[6 * i + 3 + k]
+            elastic = moment / stiffness[k]
+            curvatures[i, k] = elastic + natural[k]
+            forces[i] += 0.5 * moment * elastic + moment * natural[k]
 
 
 class Side(NamedTuple):
@@ -165,3 +174,32 @@ def judged(tangent: np.ndarray, free: np.ndarray, scale: np.ndarray) -> float:
     root = np.sqrt(scale[free])
     K = tangent[np.ix_(free, free)] / root / root[:, None]
     return float(np.linalg.eigvalsh(0.5 * (K + K.T))[0])
+
+
+@njit(**LEAF_ENTRY)
+def step_size(step, shortest, spread, wrenches):  # type: ignore[no-untyped-def]
+    """Of a step: largest rotation, rad, shift over the shortest length, or part of a wrench times `WRENCH`.
+
+    Args:
+        step: (4 n,).
+        shortest: length of a piece, m.
+        spread: (12 (n + 1) or more, 4 n) of `System`; (0, 4 n) if it is not known.
+        wrenches: (12 (n + 1),) of the pieces.
+    """
+    size = 0.0
+    for k in range(step.shape[0]):
+        size = max(size, abs(step[k]) / (shortest if k % PER == PER - 1 else 1.0))
+        if step[k] != step[k]:
+            return np.nan
+    if spread.shape[0] == 0:
+        return size
+    for kind in range(2):  # force, moment
+        change, whole = 0.0, 1e-300
+        for i in range(wrenches.shape[0]):
+            if i // 3 % 2 == kind:
+                v = 0.0
+                for k in range(step.shape[0]):
+                    v += spread[i, k] * step[k]
+                change, whole = max(change, abs(v)), max(whole, abs(wrenches[i]))
+        size = max(size, WRENCH * change / whole)
+    return size

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -37,8 +39,8 @@ class Obstacles(NamedTuple):
 def extremes(
     rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, limits: CableLimits,
     obstacles: Obstacles,
-) -> Callable[[], tuple[Extreme, ...]]:  # fmt: skip
-    """A function that computes `Equilibrium.extremes` when called; from copies, since the rod changes.
+) -> Reading:  # fmt: skip
+    """Computes `Equilibrium.extremes` when called; from copies, since the rod changes.
 
     Args:
         rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,).
@@ -53,10 +55,13 @@ def extremes(
     law = Law(rod.K, rod.natural)
     if compliance.any() and isinstance(rod, TouchingRod) and rod.touches:
         rod.trace(q, F)
-        return partial(
+        judge = partial(
             _judged, q.copy(), mesh, law, rod.c.copy(), loads, start.copy(), unit, limits, obstacles
         )
-    return partial(_found, q.copy(), mesh, law, compliance, loads, start.copy(), unit, limits, obstacles)
+        return Reading(judge)
+    return Reading(
+        partial(_found, q.copy(), mesh, law, compliance, loads, start.copy(), unit, limits, obstacles)
+    )
 
 
 def point_forces(rod: Rod, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -82,7 +87,7 @@ def point_forces(rod: Rod, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _found(
     q: np.ndarray, mesh: tuple[np.ndarray, np.ndarray, int], law: Law, compliance: np.ndarray, loads: Loads,
     start: np.ndarray, unit: Units, limits: CableLimits, obstacles: Obstacles,
-) -> tuple[Extreme, ...]:  # fmt: skip
+) -> Judged:  # fmt: skip
     h, s0, order = mesh
     values, primitives, _ = integrals(order)
     points = reference_element(order, len(values)).points
@@ -94,26 +99,68 @@ def _found(
 def _judged(
     q: np.ndarray, mesh: tuple[np.ndarray, np.ndarray, int], law: Law, c: np.ndarray, loads: Loads,
     start: np.ndarray, unit: Units, limits: CableLimits, obstacles: Obstacles,
-) -> tuple[Extreme, ...]:  # fmt: skip
+) -> Judged:  # fmt: skip
     """As `_found`, on the centreline with the coefficients c (m, g + 1, 3)."""
     h, s0, order = mesh
-    found = largest(Shape(q, h, s0, reference_element(order).nodes, c), law, loads)
+    found = largest(Shape(q, h, s0, reference_element(order).nodes, c), law, loads).tolist()
     least, at, which = clearance(c, h, s0, obstacles.placed)
-    curvature, tension, twist = found[[CURVATURE, TENSION, TWIST]].tolist()
+    curvature, tension, twist = found[CURVATURE], found[TENSION], found[TWIST]
     worst = (
-        (unit.length / curvature[0] if curvature[0] > 0.0 else np.inf, curvature[1]),
+        (unit.length / curvature[0] if curvature[0] > 0.0 else math.inf, curvature[1]),
         (tension[0] * unit.force, tension[1]),
         (twist[0] / unit.length, twist[1]),
         (least * unit.length, at),
     )
-    turn = quaternion.matrix_from_ros(start[3:])
+    return Judged(worst, (c, h, s0), start, unit, limits, obstacles.names[which] if least < math.inf else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What `limits.QUANTITIES` are at their worst along one rod."""
+
+    worst: tuple[tuple[float, float], ...]
+    """Of each the value, SI, and the arc length, L."""
+    curve: tuple[np.ndarray, np.ndarray, np.ndarray]
+    """As `centreline.position` takes it."""
+    start: np.ndarray
+    """(7,) the start clamp in the world, m, quaternion x y z w."""
+    unit: Units
+    limits: CableLimits
+    nearest: str
+    """The obstacle to which the clearance is least."""
+
+    def extreme(self, k: int, before: float = 0.0) -> Extreme:
+        """Of quantity k, on a cable of which a length `before`, m, comes before this rod."""
+        quantity, (value, s) = QUANTITIES[k], self.worst[k]
+        r, at = np.full(3, np.nan), math.nan
+        if math.isfinite(value):
+            position(*self.curve, s, r)
+            r = self.start[:3] + self.unit.length * quaternion.matrix_from_ros(self.start[3:]) @ r
+            at = s * self.unit.length + before
+        near = self.nearest if quantity.name == "clearance" else ""
+        return Extreme(quantity, float(value), at, r, getattr(self.limits, quantity.name), near)
+
+
+class Reading:
+    """The extremes of a rod, computed when they are asked for."""
+
+    def __init__(self, judge: Callable[[], Judged]) -> None:
+        self._judge = judge
+
+    @cached_property
+    def judged(self) -> Judged:
+        """The worst of each quantity."""
+        return self._judge()
+
+    def __call__(self) -> tuple[Extreme, ...]:
+        return tuple(self.judged.extreme(k) for k in range(len(QUANTITIES)))
+
+
+def worst_of(readings: Sequence[Reading], cuts: Sequence[float]) -> tuple[Extreme, ...]:
+    """Of a cable whose pieces are these rods, which begin at the arc lengths `cuts`, m."""
     out = []
-    for quantity, (value, s) in zip(QUANTITIES, worst, strict=True):
-        r = np.full(3, np.nan)
-        if np.isfinite(value):
-            position(c, h, s0, s, r)
-            r = start[:3] + unit.length * turn @ r
-        near = obstacles.names[which] if quantity.name == "clearance" and np.isfinite(value) else ""
-        at_s = s * unit.length if np.isfinite(value) else np.nan
-        out.append(Extreme(quantity, float(value), at_s, r, getattr(limits, quantity.name), near))
+    for k, quantity in enumerate(QUANTITIES):
+        values = [one.judged.worst[k][0] for one in readings]
+        i = values.index(min(values) if quantity.least else max(values))
+        out.append(readings[i].judged.extreme(k, cuts[i]))
     return tuple(out)

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from cable_ros.branch.extremes import Reading, worst_of
 from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Overlap, Status
 from cable_ros.limits import Extreme
@@ -38,11 +39,11 @@ def shares(cuts: Sequence[float], count: int) -> list[np.ndarray]:
         count: of points.
     """
     at = cuts[-1] * np.arange(count) / (count - 1)
-    out = []
-    for begin, end in itertools.pairwise(cuts):
-        own = at[(at >= begin) & ((at < end) | (end == cuts[-1]))]
-        out.append(np.clip((own - begin) / (end - begin), 0.0, 1.0))
-    return out
+    first = [*at.searchsorted(cuts[:-1]).tolist(), count]
+    return [
+        np.minimum(np.maximum((at[i:k] - begin) / (end - begin), 0.0), 1.0)  # in a third of clip's time
+        for i, k, (begin, end) in zip(first, first[1:], itertools.pairwise(cuts), strict=False)
+    ]
 
 
 def joined(
@@ -70,22 +71,21 @@ def joined(
     mounts = None
     if status.trusted:
         mounts = np.stack([_axes(first, 0), _axes(last, 1)])
-    return Equilibrium(
-        status=status, message=message, converged=all(one.converged for one in found),
-        stable=all(one.stable for one in found),
-        stability_margin=float(np.min([one.stability_margin for one in found])),
-        end_wrench=last.end_wrench, start_wrench=first.start_wrench,
-        points=np.concatenate([one.points for one in found]),
-        orientations=np.concatenate([one.orientations for one in found]),
-        total_twist=float(np.sum([one.total_twist for one in found])),
-        energy=float(np.sum([one.energy for one in found])),
-        error_estimate=float(np.max([one.error_estimate for one in found])),
-        iterations=sum(one.iterations for one in found), solve_time=sum(one.solve_time for one in found),
-        overlaps=overlaps, _pieces=tuple(found),
-        _supports=tuple((one.name, HELD[one.kind]) for one in cable.supports),
-        _mounts=mounts, _tangent=Together(found, cuts), _touching=partial(_contacts, found, cuts),
-        _extremes=partial(_extremes, found, cuts),
-    )  # fmt: skip
+    numbers = [(one.stability_margin, one.error_estimate, one.total_twist, one.energy) for one in found]
+    margins, errors, twists, energies = np.array(numbers).T
+    return Equilibrium.of({
+        "status": status, "message": message, "converged": all(one.converged for one in found),
+        "stable": all(one.stable for one in found), "stability_margin": float(margins.min()),
+        "end_wrench": last.end_wrench, "start_wrench": first.start_wrench,
+        "points": np.concatenate([one.points for one in found]),
+        "orientations": np.concatenate([one.orientations for one in found]),
+        "total_twist": float(twists.sum()), "energy": float(energies.sum()),
+        "error_estimate": float(errors.max()), "iterations": sum(one.iterations for one in found),
+        "solve_time": sum(one.solve_time for one in found), "overlaps": overlaps, "_pieces": tuple(found),
+        "_supports": tuple((one.name, HELD[one.kind]) for one in cable.supports), "_mounts": mounts,
+        "_tangent": Together(found, cuts), "_touching": partial(_contacts, found, cuts),
+        "_extremes": partial(_extremes, found, cuts),
+    })  # fmt: skip
 
 
 def _axes(found: Equilibrium, which: int) -> np.ndarray:
@@ -137,16 +137,8 @@ def _contacts(found: Sequence[Equilibrium], cuts: Sequence[float]) -> ContactTab
 
 def _extremes(found: Sequence[Equilibrium], cuts: Sequence[float]) -> tuple[Extreme, ...]:
     """The worst of each quantity over all pieces."""
-    if not all(one.extremes for one in found):
-        return ()
-    rows = [
-        [dataclasses.replace(extreme, arc_length=extreme.arc_length + s) for extreme in one.extremes]
-        for s, one in zip(cuts, found, strict=False)
-    ]
-    return tuple(
-        min(column, key=lambda one: one.value if one.quantity.least else -one.value)
-        for column in zip(*rows, strict=True)
-    )
+    readings = [one._extremes for one in found if isinstance(one._extremes, Reading)]
+    return worst_of(readings, cuts) if len(readings) == len(found) else ()
 
 
 def runs(found: Sequence[Equilibrium]) -> Iterator[range]:

@@ -82,6 +82,8 @@ class SharedPiece(CableTracker):
     were not."""
     _spent = 0
     """Iterations since the last result."""
+    _known_ends: tuple[tuple[object, ...], Ends] | None = None
+    """The ends of the equilibrium known last, and which that is."""
 
     def reset(self) -> None:
         super().reset()
@@ -235,9 +237,13 @@ class SharedPiece(CableTracker):
 
     def ends(self) -> Ends:
         """The ends of the present equilibrium, along the axes of its sections."""
-        assert self._rod is not None
-        end, start = self.wrenches(self._rod)
-        return Ends.of(np.concatenate([start, end]), self.section)
+        rod, known = self._rod, self._known_ends
+        assert rod is not None
+        at = rod, self._q, self._F, self._units
+        if known is None or any(a is not b for a, b in zip(known[0], at, strict=True)):
+            end, start = self.wrenches(rod)
+            self._known_ends = known = at, Ends.of(np.concatenate([start, end]), self.section)
+        return known[1]
 
     @property
     def section(self) -> Section:

@@ -20,7 +20,7 @@ from cable_ros.branch.cold_start import (
     refine,
 )
 from cable_ros.branch.continuation import FREE_TO_TURN, VERY_TAUT, SnapThrough
-from cable_ros.branch.extremes import Obstacles, extremes
+from cable_ros.branch.extremes import Obstacles, Reading, extremes
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB
@@ -30,7 +30,6 @@ from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warni
 from cable_ros.effects.choice import Choice
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Overlap, Status
-from cable_ros.limits import Extreme
 from cable_ros.rod import quaternion
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY, TWIST
@@ -350,8 +349,8 @@ class TrackedEquilibrium(CableModel):
 
     def extremes(
         self, limits: CableLimits, obstacles: np.ndarray, links: np.ndarray, start: np.ndarray
-    ) -> Callable[[], tuple[Extreme, ...]]:
-        """A function that computes `Equilibrium.extremes` of the present equilibrium.
+    ) -> Reading:
+        """Computes `Equilibrium.extremes` of the present equilibrium when called.
 
         Args:
             limits: of the cable.

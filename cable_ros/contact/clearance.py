@@ -29,27 +29,40 @@ def distance(obstacle, c, h, s0, s, work):
 def clearance(c, h, s0, obstacles):
     """Least distance from the obstacles (n, WIDTH), the arc length where it is, and which obstacle's it is.
 
-    An interval whose ends are too far away to hold a smaller distance, by its length, is left out; the
-    smallest of the samples of all others is refined by golden sections between its neighbours. Two minima
-    nearer to each other than 1 / (32 16) of the length may be taken for one. Units of the cable; negative:
-    inside.
+    What is too far away to hold a smaller distance, by its length, is left out, as is an interval whose ends
+    are; the smallest of the samples of all others is refined by golden sections between its neighbours. Two
+    minima nearer to each other than 1 / (32 16) of the length may be taken for one. Units of the cable;
+    negative: inside.
     """
     best, at, which = np.inf, 0.0, 0
     work, ends = np.empty((5, 3)), np.empty(COARSE + 1)
     wide, step = 1.0 / COARSE, 1.0 / (COARSE * FINE)
+    most = np.inf  # a distance that is there somewhere
+    for o in range(obstacles.shape[0]):
+        for i in range(0, COARSE + 1, COARSE // 4):
+            most = min(most, distance(obstacles[o], c, h, s0, i * wide, work))
     for o in range(obstacles.shape[0]):
         near, at_s = np.inf, 0.0
-        for i in range(COARSE + 1):
-            ends[i] = distance(obstacles[o], c, h, s0, i * wide, work)
-            if ends[i] < near:
-                near, at_s = ends[i], i * wide
+        i = 0
+        while i <= COARSE:
+            value = distance(obstacles[o], c, h, s0, i * wide, work)
+            ends[i] = value
+            if value < near:
+                near, at_s = value, i * wide
+            i += 1
+            # bounds instead of distances where these exceed what is known by more than a fine step's
+            value -= STEEP * wide
+            while i <= COARSE and value >= min(best, most) + STEEP * step:
+                ends[i] = value
+                value -= STEEP * wide
+                i += 1
         for i in range(COARSE):
-            if 0.5 * (ends[i] + ends[i + 1] - STEEP * wide) < min(near, best):
+            if 0.5 * (ends[i] + ends[i + 1] - STEEP * wide) < min(near, best, most):
                 for k in range(1, FINE):
                     value = distance(obstacles[o], c, h, s0, i * wide + k * step, work)
                     if value < near:
                         near, at_s = value, i * wide + k * step
-        if near - STEEP * step >= best:
+        if near - STEEP * step >= min(best, most):
             continue
         a, b = max(at_s - step, 0.0), min(at_s + step, 1.0)
         u, v = b - GOLDEN * (b - a), a + GOLDEN * (b - a)

@@ -29,6 +29,8 @@ AWAY = 1.0
 """Gap below which it is evaluated exactly, in spacings of the samples."""
 LEVEL = 1e-9
 """Maximum slope of a clamp that lies along a surface, rad: rounding."""
+ROUNDING = 1e-9
+"""Part of an obstacle's width within which a bound of motions is not told from it."""
 
 
 @njit(**OPTIONS)
@@ -193,7 +195,17 @@ def passed(old_c, curves, samples, old_obstacles, obstacles, phi):
     c, h, s0 = curves
     smallest = scan(c, h, s0, samples, obstacles, phi)
     crossed = False
-    r, r_old = np.empty(3), np.empty(3)
+    count = samples.shape[0]
+    now, before = np.empty((count, 3)), np.empty((count, 3))
+    farthest, reach = 0.0, 0.0
+    for k in range(1, count - 1):
+        position(c, h, s0, samples[k], now[k])
+        position(old_c, h, s0, samples[k], before[k])
+        shift, size = 0.0, 0.0
+        for i in range(3):
+            shift += (now[k, i] - before[k, i]) ** 2
+            size += before[k, i] ** 2
+        farthest, reach = max(farthest, shift), max(reach, size)
     for o in range(obstacles.shape[0]):
         new, old = obstacles[o], old_obstacles[o]
         width = np.inf
@@ -202,15 +214,23 @@ def passed(old_c, curves, samples, old_obstacles, obstacles, phi):
                 width = min(width, new[k])
         if width == np.inf:
             continue
-        for k in range(1, samples.shape[0] - 1):
-            position(c, h, s0, samples[k], r)
-            position(old_c, h, s0, samples[k], r_old)
+        # the most that any sample can have moved beside it, by the triangle inequality, and rounding
+        shift, turn, size = 0.0, 0.0, 0.0
+        for i in range(CENTRE, AXES):
+            shift += (new[i] - old[i]) ** 2
+            size += old[i] ** 2
+        for i in range(AXES, DIMENSIONS):
+            turn += (new[i] - old[i]) ** 2
+        most = np.sqrt(farthest) + np.sqrt(shift) + np.sqrt(turn) * (np.sqrt(reach) + np.sqrt(size))
+        if most <= (1.0 - ROUNDING) * (width + new[OFFSET]):
+            continue
+        for k in range(1, count - 1):
             motion = 0.0
             for i in range(3):
                 v = 0.0
                 for j in range(3):
-                    v += new[AXES + 3 * j + i] * (r[j] - new[CENTRE + j])
-                    v -= old[AXES + 3 * j + i] * (r_old[j] - old[CENTRE + j])
+                    v += new[AXES + 3 * j + i] * (now[k, j] - new[CENTRE + j])
+                    v -= old[AXES + 3 * j + i] * (before[k, j] - old[CENTRE + j])
                 motion += v * v
             motion = np.sqrt(motion)
             crossed = crossed or (motion > width + new[OFFSET] and phi[o, k] < motion)

@@ -134,7 +134,9 @@ def matrices_from_ros(q):
 
 def matrix_from_ros(q: np.ndarray) -> np.ndarray:
     """The rotation matrix (3, 3) of the quaternion x y z w, q (4,), which may be any but zero."""
-    x, y, z, w = (float(part) / math.sqrt(sum(float(one) ** 2 for one in q)) for part in q)
+    parts = [float(part) for part in q]
+    size = math.sqrt(sum(part**2 for part in parts))
+    x, y, z, w = (part / size for part in parts)
     return np.array(
         [
             [x * x - y * y - z * z + w * w, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],

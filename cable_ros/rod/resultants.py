@@ -31,6 +31,9 @@ SECTIONS = 20
 """Number of golden sections; they leave 7e-5 of a bracket, and 4e-9 of the value's rise there."""
 EQUAL = 1e-12
 """Relative difference of two maxima that is rounding: the first one along the rod is taken."""
+ROUGH = 1e-7
+"""Fraction of the largest sample by which what may hold the maximum can seem to stay below it: a field that
+is constant but for rounding is no parabola."""
 
 
 class Shape(NamedTuple):
@@ -207,19 +210,36 @@ def refine(shape, law, f, balance, e, k, a, b, work, pair):
 
 
 @njit(**LEAF)
-def search(shape, law, f, balance, e, begin, end, work, samples, out):
-    """Update the maxima `out` of `largest` by those between the fractions `begin` and `end` of element e.
+def sample(shape, law, f, balance, e, begin, end, work, samples, least):
+    """Evaluate the fields at equal steps between the fractions `begin` and `end` of element e.
 
     Args:
         shape, law, f, balance, e, work: as in `fields`.
         begin, end: fractions of the element.
-        samples: (2 order + 3, 3) workspace; its last two rows are `refine`'s.
-        out: (3, 2) values and arc lengths.
+        samples: (2 order + 3, 3) overwritten but for its last two rows.
+        least: (3,) largest values so far, updated.
     """
     count = samples.shape[0] - 2
     step = (end - begin) / (count - 1)
     for i in range(count):
         fields(shape, law, f, balance, e, begin + i * step, work, samples[i])
+        for k in range(3):
+            least[k] = max(least[k], samples[i, k])
+
+
+@njit(**LEAF)
+def search(shape, law, f, balance, e, begin, end, work, samples, least, out):
+    """Update the maxima `out` of `largest` by those between the fractions `begin` and `end` of element e.
+
+    Args:
+        shape, law, f, balance, e, work: as in `fields`.
+        begin, end: fractions of the element.
+        samples: (2 order + 3, 3) of `sample`; its last two rows are `refine`'s workspace.
+        least: (3,) largest values of all samples: what cannot exceed them is left out.
+        out: (3, 2) values and arc lengths.
+    """
+    count = samples.shape[0] - 2
+    step = (end - begin) / (count - 1)
     for k in range(3):
         for i in range(count):
             before, after = max(i - 1, 0), min(i + 1, count - 1)
@@ -228,7 +248,7 @@ def search(shape, law, f, balance, e, begin, end, work, samples, out):
             if value < max(samples[before, k], samples[after, k]):
                 continue
             # a parabola rises between samples by an eighth of its fall beside them, at most
-            if value + 0.5 * (value - low) < out[k, 0]:
+            if value + 0.5 * (value - low) < max(out[k, 0], least[k] - ROUGH * abs(least[k])):
                 continue
             x = begin + i * step
             inner, found = refine(
@@ -253,8 +273,8 @@ def search(shape, law, f, balance, e, begin, end, work, samples, out):
 def largest(shape, law, loads):
     """Largest bending curvature, tension, and twist beyond the natural one: (3, 2), value and arc length.
 
-    Between two point forces of an element the fields are smooth: the largest of 2 order + 1 samples are
-    refined by golden sections. Both sides of a point force count.
+    Between two point forces of an element the fields are smooth: of 2 order + 1 samples each, those that may
+    hold the largest value are refined by golden sections. Both sides of a point force count.
 
     Args:
         shape, law, loads: `Shape`, `Law` and `Loads`.
@@ -277,24 +297,30 @@ def largest(shape, law, loads):
         add_cross(r, forces[i], 1.0, lever)
         for a in range(3):
             force[a] += forces[i, a]
-    work, samples = np.empty((5, 4)), np.empty((2 * nodes.shape[0] + 1, 3))
-    out = np.zeros((3, 2))
+    whole_lever, whole_force = lever.copy(), force.copy()
+    work = np.empty((5, 4))
+    samples = np.empty((elements + arc_lengths.shape[0], 2 * nodes.shape[0] + 1, 3))
+    least, out = np.full(3, -np.inf), np.zeros((3, 2))
     out[:, 0] = -np.inf
     out[CURVATURE, 0] = out[TWIST, 0] = 0.0
-    at = 0
-    for e in range(elements):
-        begin, last = 0.0, False
-        while not last:
-            last = at == arc_lengths.shape[0] or arc_lengths[at] >= s0[e] + h[e]
-            end = 1.0 if last else min(max((arc_lengths[at] - s0[e]) / h[e], begin), 1.0)
-            if end > begin:
-                search(shape, law, f, balance, e, begin, end, work, samples, out)
-            if not last:
-                position(c, h, s0, arc_lengths[at], r)
-                add_cross(r, forces[at], -1.0, lever)
-                for a in range(3):
-                    force[a] -= forces[at, a]
-                begin = end
-                at += 1
+    for refining in (False, True):
+        lever[:], force[:] = whole_lever, whole_force
+        at = 0
+        for e in range(elements):
+            begin, last = 0.0, False
+            while not last:
+                last = at == arc_lengths.shape[0] or arc_lengths[at] >= s0[e] + h[e]
+                end = 1.0 if last else min(max((arc_lengths[at] - s0[e]) / h[e], begin), 1.0)
+                if end > begin and refining:
+                    search(shape, law, f, balance, e, begin, end, work, samples[e + at], least, out)
+                elif end > begin:
+                    sample(shape, law, f, balance, e, begin, end, work, samples[e + at], least)
+                if not last:
+                    position(c, h, s0, arc_lengths[at], r)
+                    add_cross(r, forces[at], -1.0, lever)
+                    for a in range(3):
+                        force[a] -= forces[at, a]
+                    begin = end
+                    at += 1
     out[CURVATURE, 0] = np.sqrt(out[CURVATURE, 0])
     return out

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cable_ros.scene.errors import SceneError
-from cable_ros.scene.model import Scene
+from cable_ros.scene.model import FREE, Scene
 from cable_ros.scene.urdf import chains
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -36,6 +36,8 @@ class Kinematics:
             np.array([np.concatenate([m.position, m.orientation]) for m in mounts]),
         )
         self._shape = (len(pieces), 2, 7)
+        self.free_ends = np.array([mount.kind == FREE for mount in mounts]).reshape(len(pieces), 2)
+        """(n_pieces, 2) whether start and end are free: no link feels their load."""
         self._clamp_poses = self._clamps.poses.reshape(self._shape)
         carriers = list(dict.fromkeys(obstacle.link for obstacle in scene.obstacles))
         self._obstacles = _Frames(carriers, np.tile(_IDENTITY, (len(carriers), 1)))
@@ -68,11 +70,12 @@ class Kinematics:
                 frames.moving = []
 
     def _update(self, frames: _Frames, q: np.ndarray) -> np.ndarray:
-        if frames.moving:
+        if frames.moving and frames.at != (at := q.tobytes()):
             pin = self._pin
             pin.framesForwardKinematics(self._model, self._data, q)
             for i, _, placement in frames.moving:
                 frames.poses[i] = pin.SE3ToXYZQUAT(placement)
+            frames.at = at
         return frames.poses
 
     def _jacobians(self, frames: _Frames, q: np.ndarray) -> np.ndarray:
@@ -131,6 +134,8 @@ class _Frames:
     def __init__(self, links: list[str | None], poses: np.ndarray) -> None:
         self.links, self.poses = links, poses
         self.moving: list[tuple[int, int, Any]] = []
+        self.at: bytes | None = None
+        """Bytes of the joint values that the poses are for; None: of the frames in their links."""
 
     def add(self, pin: Any, model: Any, kind: str) -> None:
         for i, link in enumerate(self.links):
