@@ -38,6 +38,12 @@ DRAWN = {
     (101, 6): "a hose is 3.6e-4 off at one of 201 poses",
     (101, 53): "across a rough table: a grid's error is too large, the branch is lost",
     (102, 38): "a weightless cable that turns freely meets a slot",
+    (103, 23): "a lift on a grid slides 2e-3 of the length the way its friction pushes",
+    (104, 23): "along a rough wall: the branch is lost",
+    (104, 38): "a grid on top of a rough ball, beside which the judge finds nothing",
+    (104, 44): "smooth, a contact lets go where it alone holds: a fold that is not told",
+    (104, 48): "across a rough table: it slides 1.8e-4 of the length the way its friction pushes",
+    (104, 50): "a weightless cable on a rough tray: the branch is lost",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 
