@@ -17,6 +17,7 @@ from cable_ros.contact.crossing import candidates
 from cable_ros.contact.crossing_kernels import closest_points
 from cable_ros.contact.friction_kernels import FRICTIONLESS
 from cable_ros.contact.overlaps import OUTLINE, SPACING
+from cable_ros.contact.penalty import SpringRows
 from cable_ros.contact.points import ARC_LENGTH, FRICTION, INTERFACE, KIND, OBSTACLE, SAMPLE
 from cable_ros.contact.report import positions
 from cable_ros.contact.response_kernels import displacements
@@ -50,7 +51,7 @@ class Strands(NamedTuple):
     """L; negative if they have."""
 
 
-class StrandSprings:
+class StrandSprings(SpringRows):
     """A `solve.trust_region.Problem`: a rod among no obstacles, whose contact points it overwrites.
 
     Args:
@@ -60,10 +61,9 @@ class StrandSprings:
     """
 
     def __init__(self, rod: ActiveSetRod, diameter: float, known: list[Strands]) -> None:
-        self.rod, self.diameter, self.known = rod, diameter, known
+        super().__init__(rod)
+        self.diameter, self.known = diameter, known
         self.at_end, self.slips = False, False
-        self.retract, self.derivative, self.norm = rod.retract, rod.derivative, rod.norm
-        self.normal_step = rod.normal_step
 
     def strands(self, x: np.ndarray) -> list[Strands]:
         """Where strands are near each other at x (n, 4)."""
@@ -160,18 +160,6 @@ class StrandSprings:
         values, vectors = np.linalg.eigh(-self.force(one) * hessian)
         values[np.abs(values) < FAINT] = 0.0
         return values, vectors.T @ rows
-
-    def factor(self, mu: float) -> bool:
-        return self.rod.kkt_factor(mu, 3)
-
-    def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        s, y = self.rod.kkt_step(gradient, np.concatenate([constraints, np.zeros(self.rod.rows - 3)]))
-        return s, y[:3]
-
-    def apply_hessian(self, s: np.ndarray) -> np.ndarray:
-        rod = self.rod
-        V = rod.V[3 : rod.rows]
-        return rod.apply_hessian(s) + (V @ s / rod.delta[3 : rod.rows]) @ V
 
     def descend(self, q: np.ndarray, F: np.ndarray) -> tuple[Minimum, bool]:
         """From the nodal frames q (n, 4) and the end force F (3,); and whether an equilibrium is beside it.

@@ -29,7 +29,28 @@ LONGEST_POINT = 3
 """Maximum number of neighbouring samples inside an obstacle that become a point; more become a patch."""
 
 
-class PenaltyProblem:
+class SpringRows:
+    """What every `solve.trust_region.Problem` has whose springs act in the contact rows of its rod."""
+
+    def __init__(self, rod: ActiveSetRod) -> None:
+        self.rod = rod
+        self.retract, self.derivative, self.norm = rod.retract, rod.derivative, rod.norm
+        self.normal_step = rod.normal_step
+
+    def factor(self, mu: float) -> bool:
+        return self.rod.kkt_factor(mu, 3)
+
+    def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        s, y = self.rod.kkt_step(gradient, np.concatenate([constraints, np.zeros(self.rod.rows - 3)]))
+        return s, y[:3]
+
+    def apply_hessian(self, s: np.ndarray) -> np.ndarray:
+        rod = self.rod
+        V = rod.V[3 : rod.rows]
+        return rod.apply_hessian(s) + (V @ s / rod.delta[3 : rod.rows]) @ V
+
+
+class PenaltyProblem(SpringRows):
     """A `solve.trust_region.Problem`: what is inside an obstacle is pushed out by springs, one a cell.
 
     Args:
@@ -39,10 +60,9 @@ class PenaltyProblem:
     """
 
     def __init__(self, rod: ActiveSetRod, stiffness: float, minima: bool) -> None:
-        self.rod, self.stiffness, self.minima = rod, stiffness, minima
+        super().__init__(rod)
+        self.stiffness, self.minima = stiffness, minima
         self.phi = np.empty((0 if rod.obstacles is None else len(rod.obstacles), len(rod.samples)))
-        self.retract, self.derivative, self.norm = rod.retract, rod.derivative, rod.norm
-        self.normal_step = rod.normal_step
 
     def _press(self, x: np.ndarray) -> float:
         """Set the rod's contact points to what is inside at x; returns the springs' energy."""
@@ -67,18 +87,6 @@ class PenaltyProblem:
         g[:3] = g[-3:] = 0.0
         rod._normal = None
         return float(rod.totals[ENERGY]) + penalty, rod.totals[:ENERGY] - rod.re, g
-
-    def factor(self, mu: float) -> bool:
-        return self.rod.kkt_factor(mu, 3)
-
-    def step(self, gradient: np.ndarray, constraints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        s, y = self.rod.kkt_step(gradient, np.concatenate([constraints, np.zeros(self.rod.rows - 3)]))
-        return s, y[:3]
-
-    def apply_hessian(self, s: np.ndarray) -> np.ndarray:
-        rod = self.rod
-        V = rod.V[3 : rod.rows]
-        return rod.apply_hessian(s) + (V @ s / rod.delta[3 : rod.rows]) @ V
 
     def to_contacts(self, x: np.ndarray) -> None:
         """Replace the springs at x by contact points and patches with the same forces."""
