@@ -139,7 +139,7 @@ def elongation(c, h, s0, s):
     return v / h[e]
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def direction(q, h, s0, nodes, s, t, dt):
     """Tangent t (3,) and its derivative dt (3,) by the arc length, at s.
 
