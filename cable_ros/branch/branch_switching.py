@@ -16,11 +16,6 @@ TOLERANCE = 1e-8
 """Of Newton's method, rad."""
 
 
-def upright(rod: Rod) -> np.ndarray:
-    """(3n,) the softest mode of the factored rod, always the same of both directions; elastic energy 1/2."""
-    return rod.mode if rod.mode @ rod.start_vector() >= 0.0 else -rod.mode
-
-
 def switch_branch(
     rod: Rod, q: np.ndarray, F: np.ndarray, mode: np.ndarray, conditions: Conditions
 ) -> Found | None:
@@ -34,21 +29,19 @@ def switch_branch(
     if not isinstance(rod, TouchingRod) or rod.frictional or not rod.count:
         return None
     kept, mesh, before = rod.state(), rod.mesh, (rod.qe, rod.re, rod.f, rod.obstacles)
+    mode = mode if mode @ rod.start_vector() >= 0.0 else -mode
     unstable = False  # whether that has been shown of the branch
-    patience, rod.patience = rod.patience, 0  # a descent would lead back to the branch
     for amplitude in (0.0, *AMPLITUDES):
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
         rod.ready = False
         start = rod.on_end(rod.retract(q, amplitude * mode))
         code, iterations, q_new, F_new = rod.correct(start, F, TOLERANCE)
         if code == warm_step.ADVANCED and unstable and rod.refactor(q_new, F_new):
-            rod.patience = patience
             return Found.at(rod, q_new, F_new, iterations)
         rod.restore(kept, mesh)
         rod.set_conditions(*before)
         if code == warm_step.ADVANCED:
             break
         unstable = unstable or code == warm_step.NOT_CONVEX
-    rod.patience = patience
     rod.linearize(q, F)  # on the mesh that was put back
     return None

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_ros.branch.branch_switching import switch_branch, upright
+from cable_ros.branch.branch_switching import switch_branch
 from cable_ros.branch.cold_start import Conditions, Found, settle
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.travel import travel
@@ -304,7 +304,7 @@ def _snap_and_record(
     at, margin = margins[-1]
     touched = bool(rod.contact_force().any()) and not rod.remembers
     shape, before = rod.mesh.interpolate(q, GRID), rod.snapshot()()
-    energy, mode = rod.linearize(q, F)[0], upright(rod).copy()
+    energy, mode = rod.linearize(q, F)[0], rod.mode.copy()
     twist, end, found = float(rod.totals[TWIST]), min(1.0, at + AHEAD * step), None
     if margin < SMALL:
         found = switch_branch(rod, q, F, mode, path(end))

@@ -273,8 +273,8 @@ class FixedSetRod(Rod):
         """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
         self.judged = True
         system = *self.saddle[:2], self._factors(self.complement)
-        last = self.strain[-1]
-        return bool(entry_points.kkt_factor(mu, system, self.V, self.delta, last, self.rows, equalities))
+        reach = self.strain[-1]
+        return bool(entry_points.kkt_factor(mu, system, self.V, self.delta, reach, self.rows, equalities))
 
     def _judge(self) -> None:
         """Compute factors for stability and error estimates: those of the iteration with friction are not."""
