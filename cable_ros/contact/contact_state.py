@@ -128,6 +128,9 @@ class Strain(NamedTuple):
     reach: np.ndarray
     """(rows, rows) how far each row's constraint gives way to each multiplier, L^3 / EI; changes with every
     new tangent."""
+    skew: np.ndarray
+    """(rows, rows) the same with friction: where it slips it goes along with the normal force, as in `W`, and
+    it moves along the cable with its point."""
 
 
 class KKT(NamedTuple):
@@ -162,6 +165,10 @@ class PointTerms(NamedTuple):
     """(k, friction_kernels.TANGENT) tangents of friction."""
     misfits: np.ndarray
     """(k, 3) how far the spring of what sticks is off its force, L."""
+    t: np.ndarray
+    """(k, 3) tangents of the cable."""
+    creep: np.ndarray
+    """(k,) change of the axial strain just before the point since the last equilibrium; 0 without strain."""
 
 
 @njit(**INNER)
