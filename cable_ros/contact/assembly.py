@@ -45,7 +45,7 @@ from cable_ros.contact.points import (
 from cable_ros.contact.stretched import internal_forces, row_reaches, trace
 from cable_ros.linalg.copies import copy
 from cable_ros.rod.centreline import (
-    elongation,
+    derivative,
     elongation_before,
     find_element,
     increments,
@@ -165,7 +165,7 @@ def point_terms(size):
     """New `PointTerms` of `size` contact points, all zero."""
     return PointTerms(
         np.zeros((size, 2, 3)), np.zeros((size, 2)), np.zeros(size), np.zeros((size, 3)), np.zeros(size),
-        np.zeros((size, TANGENT)), np.zeros((size, 3)), np.zeros((size, 3)), np.zeros(size),
+        np.zeros((size, TANGENT)), np.zeros((size, 3)), np.zeros((size, 3)), np.zeros((size, 3)),
     )  # fmt: skip
 
 
@@ -180,7 +180,7 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
     """
     points, gaps, normals = contacts
     at = surface()
-    before, turned = np.empty(3), np.empty(3)
+    before, turned, old = np.empty(3), np.empty(3), np.empty(3)
     flips = 0
     for i in range(count):
         o = int(points[i, OBSTACLE])
@@ -216,9 +216,11 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
             for a in range(3):
                 before[a] = 0.0 if initial else at.r[a] - before[a]
             if shape.c.shape[2] > 3:
-                terms.creep[i] = elongation_before(shape.c, shape.grid.h, shape.grid.s0, s) - elongation(
-                    history.c, history.h, history.s0, s
-                )
+                long = elongation_before(shape.c, shape.grid.h, shape.grid.s0, s)
+                derivative(curve, history.h, history.s0, s, old)
+                carry(history.obstacles[o], obstacle, np.zeros(3), old)
+                for a in range(3):
+                    terms.creep[i, a] = long * at.t[a] - old[a]
             stiffness = stick_stiffness(mu * points[i, FORCE], history.presliding)
             if not held:
                 limit = terms.tangents[i]

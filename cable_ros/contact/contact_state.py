@@ -168,7 +168,8 @@ class PointTerms(NamedTuple):
     t: np.ndarray
     """(k, 3) tangents of the cable."""
     creep: np.ndarray
-    """(k,) change of the axial strain just before the point since the last equilibrium; 0 without strain."""
+    """(k, 3) change since the last equilibrium of the position's derivative by the arc length, just before
+    the point; 0 for a cable that keeps its length."""
 
 
 @njit(**INNER)

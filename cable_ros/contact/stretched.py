@@ -290,14 +290,15 @@ def row_reaches(shape, obstacles, contacts, count, terms, rows, total, strain):
         pull = points[i, FRICTION] * t[0] + points[i, FRICTION + 1] * t[1] + points[i, FRICTION + 2] * t[2]
         stick, slip = int(points[i, STICK_ROW]), int(points[i, SLIP_ROW])
         for b in range(total):
-            j, shift = rows.owners[b], 0.0
+            j = rows.owners[b]
             if j == count or points[j, ARC_LENGTH] > at:
-                shift = strain.compliance[2] * pull
+                shift, moved = ds * strain.compliance[2] * pull, t
             elif j == i and ((stick > 0 and stick <= b <= stick + 1) or (slip > 0 and b == slip)):
-                shift = terms.creep[i]
-            strain.skew[b, moves] += (
-                ds * shift * (lines[b, 0] * t[0] + lines[b, 1] * t[1] + lines[b, 2] * t[2])
-            )
+                shift, moved = ds, terms.creep[i]
+            else:
+                continue
+            for a in range(3):
+                strain.skew[b, moves] += shift * lines[b, a] * moved[a]
     return True
 
 

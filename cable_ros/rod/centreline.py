@@ -143,6 +143,18 @@ def elongation_before(c, h, s0, s):
 
 
 @njit(**LEAF)
+def derivative(c, h, s0, s, out):
+    """Derivative of `position` by the arc length s, out (3,)."""
+    e, x = find_element(s, s0, h)
+    top = c.shape[1] - 1
+    for a in range(3):
+        v = top * c[e, top, a]
+        for k in range(top - 1, 0, -1):
+            v = v * x + k * c[e, k, a]
+        out[a] = v / h[e]
+
+
+@njit(**LEAF)
 def rate(c, h, e, x):
     """`elongation` at x in [0, 1] of the element e."""
     top = c.shape[1] - 1
