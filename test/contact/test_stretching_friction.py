@@ -18,6 +18,18 @@ from references.reference import Reference
 from scipy.spatial.transform import Rotation
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    FIRST,
+    FORCE,
+    FRICTION,
+    INTERFACE,
+    KIND,
+    SLIPS,
+    SLOPE_ROW,
+)
+from cable_ros.contact.stretched import displaced
+from cable_ros.contact.stretching_rod import StretchingTouchingRod
 
 UPRIGHT = [0.0, 0.0, 0.0, 1.0]
 ALONG_X = [0.0, 0.5**0.5, 0.0, 0.5**0.5]
@@ -199,6 +211,63 @@ def test_stiffness_is_not_told_where_it_creeps() -> None:
     assert np.isfinite(smooth.clamp_stiffness).all()
     assert np.isnan(rough.clamp_stiffness).all()
     assert np.isnan(rough.modes(2).frequencies).all()
+
+
+def test_what_gives_way_is_the_derivative() -> None:
+    """By differences: what a normal force that slips, with its friction, and a point that moves, displace."""
+    tracker = on_drum(1e4, 0.35)
+    follow(tracker, (0.0, 0.008))
+    tracked = tracker._tracked_cables[0]
+    rod, q, F = tracked._rod, tracked._q, tracked._F
+    assert isinstance(rod, StretchingTouchingRod)
+    rod.refactor(q, F)
+    points, lines, owners = rod.points[: rod.count], rod.lines, rod.owners
+    slips, ends = points[:, SLIPS] == 1.0, points[:, KIND] >= FIRST
+    assert slips.any()
+    assert not slips.all()
+    assert ends.sum() == 2
+
+    def positions() -> np.ndarray:
+        """(count + 1, 3) displacements by the strain of the ends of the patch, others NaN, and of the end."""
+        boundaries = np.empty((len(rod.h) + 1, 3))
+        strain = rod.compliance, np.empty((len(rod.h), len(rod.tables.points), 3)), *rod.strain[2:]
+        displaced((q, rod.c, rod.grid), (F, rod.f), rod.contacts, rod.count, strain, boundaries)
+        out = np.full((rod.count + 1, 3), np.nan)
+        out[-1] = boundaries[-1]
+        for i in np.flatnonzero(ends):
+            out[i] = boundaries[int(points[i, INTERFACE])]
+        return out
+
+    def column(change: np.ndarray) -> np.ndarray:
+        """(rows,) by a `change` (count, COLUMNS) of the points, as the rows read it."""
+        sides = []
+        for sign in (1.0, -1.0):
+            points[:] += sign * change
+            sides.append(positions())
+            points[:] -= sign * change
+        moved = 0.5 * (sides[0] - sides[1])
+        return np.einsum("ra,ra->r", lines[: rod.rows], moved[owners[: rod.rows]])
+
+    size = np.abs(rod.skew_reach[: rod.rows, : 3 + rod.count]).max()
+    compared = 0
+    for i in range(rod.count):
+        friction = points[i, FRICTION : FRICTION + 3]
+        change = np.zeros_like(points)
+        change[i, FORCE] = 1.0
+        if slips[i]:
+            change[i, FRICTION : FRICTION + 3] = friction / points[i, FORCE]
+        found = column(change)
+        read = np.isfinite(found)
+        np.testing.assert_allclose(rod.skew_reach[: rod.rows, 3 + i][read], found[read], atol=1e-9 * size)
+        compared += int(slips[i])
+        if ends[i]:
+            change[:], step = 0.0, 1e-6
+            change[i, ARC_LENGTH] = step
+            row = int(points[i, SLOPE_ROW])
+            moved = rod.skew_reach[:3, row] - rod.row_reach[:3, row]
+            exact = column(change)[:3] / (step * points[i, FORCE])
+            np.testing.assert_allclose(moved, exact, atol=5e-3 * np.abs(exact).max())
+    assert compared
 
 
 # a hose on rough ground, its lifted end led about
