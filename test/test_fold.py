@@ -104,3 +104,24 @@ def test_nothing_unstable_is_published() -> None:
     found = [tracker.arrive(dict(pose))["cable"] for pose in path]
     assert min(one.stability_margin for one in found if one.status.trusted) > 0.0
     assert not found[-1].status.trusted or found[-1].status is Status.SNAPPED
+
+
+def test_a_contact_that_lets_go_is_a_fold_in_any_number_of_steps() -> None:
+    # the cable is stable as long as the ground presses on it, and its margin is far from 0 until then
+    case = drawn_case(104, 44, 1e-4)
+    start, end = case.path[10], case.path[11]
+    ends = []
+    for count in (1, 4, 16):
+        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+        found = [tracker.arrive(dict(pose))["cable"] for pose in case.path[:11]][-1:]
+        for k in range(1, count + 1):
+            part = k / count
+            pose = {name: (1.0 - part) * start[name] + part * end[name] for name in start}
+            found.append(tracker.arrive(pose)["cable"])
+        (at,) = [i for i, one in enumerate(found) if one.status is Status.SNAPPED]
+        assert all(one.status is Status.CONVERGED for i, one in enumerate(found) if i != at)
+        assert found[at - 1].stability_margin > 0.1
+        assert at / count == pytest.approx(0.65, abs=0.5 / count + 0.05)
+        ends.append(found[-1].end_wrench)
+    for one in ends[1:]:
+        assert one == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())

@@ -183,6 +183,7 @@ FOUND = {
     (100, 55): "a heavy cable slips through over two smooth beams",
     (100, 57): "a lifted hose led about: its grid becomes finer in time",
     (100, 74): "a rough beam that a cable slides over comes back",
+    (104, 44): "a loop over a bar snaps as the ground lets it go",
     (102, 11): "heavy rough beams, both edges of each",
     (103, 18): "a light cable turned on a smooth table, which it all but touches beside the edge",
 }

@@ -232,7 +232,8 @@ def continue_branch(
             rod.patience, last, spent = 0, rod.work, 0.0
         hard = step * 0.5 < smallest * longest or spent > most
         stable = (free or fallback is None or not hard) and rod.refactor(q, F)
-        folding = free and (not stable or (fallback is not None and rod._softest() < SMALL))
+        lets_go = free and stable and rod.short and rod.lets_go(q, F)
+        folding = free and (not stable or lets_go or (fallback is not None and rod._softest() < SMALL))
         if folding:
             rod.patience = 0
         if fallback is not None and not folding and (hard or not stable):
@@ -246,13 +247,13 @@ def continue_branch(
             return ended(End.STUCK)
         if stable and step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
             margins.append((at, rod._softest()))
-        crossed = (code == warm_step.NOT_CONVEX and rod.remembers) or not stable
+        crossed = (code == warm_step.NOT_CONVEX and rod.remembers) or not stable or lets_go
         # a cable that turns freely goes far in any step
         turns = free and bool(margins) and margins[-1][1] < FREE_TO_TURN
         if crossed or ((code != warm_step.TOO_FAR or turns) and step * 0.5 < SHORTEST * longest):
             left, here = rod.work, (rod.qe, rod.re, rod.f, rod.obstacles)
             if crossed:  # the branch continues, but its margin has passed through 0
-                margins.append((at, 0.0))
+                margins.append((at, rod._softest() if lets_go else 0.0))
             spare = max(SNAP_WORK - rod.work, 0.0)
             rod.work += spare
             snapped = _snap_and_record(rod, q, F, path, step, margins, tolerance, crossed)

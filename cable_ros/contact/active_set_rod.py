@@ -17,6 +17,7 @@ from cable_ros.contact.patches import resample
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
+    FORCE,
     FRICTION,
     INTERFACE,
     KIND,
@@ -37,6 +38,8 @@ from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
 
+GOES = 1e-3
+"""Maximum force of a contact that is about to end, as a fraction of the largest one."""
 KEPT = 1e-3
 """Maximum relative change of the total friction as contacts change on a new mesh."""
 DENSE = 20.0
@@ -164,6 +167,25 @@ class ActiveSetRod(FixedSetRod):
             self._allocate(mesh)
         points, self.count, self.h[:], self.s0[:] = state
         self.points[: self.count] = points
+
+    def lets_go(self, q: np.ndarray, F: np.ndarray) -> bool:
+        """Whether at the equilibrium (q, F) a point that hardly presses any more is all that holds the cable.
+
+        If so, the branch ends at a fold, at which the stability margin jumps. Leaves (q, F) factored.
+        """
+        forces = self.points[: self.count, FORCE]
+        if self.count == 0 or self.model != FRICTIONLESS:
+            return False
+        least = int(np.argmin(forces))
+        if self.points[least, KIND] != POINT or forces[least] > GOES * forces.max():
+            return False
+        kept = self.state()
+        self.points[least : self.count - 1] = self.points[least + 1 : self.count].copy()
+        self.count -= 1
+        held = self.refactor(q, F)
+        self.restore(kept)
+        self.refactor(q, F)
+        return not held
 
     def correct(
         self, q: np.ndarray, F: np.ndarray, tolerance: float, limit: float = 1.0, remesh: bool = True

@@ -79,7 +79,7 @@ class TouchingRod(ActiveSetRod):
             found = descend(self, q, F, near, NEAR)
             if found is not None or self.work <= 0.0:
                 return found
-            return descend(self, q, F, options, FAR, minima=True)
+            return descend(self, q, F, options, FAR, foundation=True)
         return descend(self, q, F, options)
 
     def _from_contacts(

@@ -208,6 +208,10 @@ class Rod:
         """
         return None
 
+    def lets_go(self, q: np.ndarray, F: np.ndarray) -> bool:
+        """Whether only a contact that is about to end holds the cable at the equilibrium (q, F)."""
+        return False
+
     def contact_force(self) -> np.ndarray:
         """(3,): force of the obstacles on the rod."""
         return NOTHING
