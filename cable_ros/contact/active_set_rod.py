@@ -187,6 +187,17 @@ class ActiveSetRod(FixedSetRod):
         self.refactor(q, F)
         return not held
 
+    def polished(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+        """The equilibrium (q, F) solved once more if it lies along something without friction.
+
+        A pressure bends its element by the fourth power of its length: where the shape has settled, the
+        pressures in short elements may not have, which `relative_error` takes for an error of the mesh.
+        """
+        if not self.has_patch or self.model != FRICTIONLESS:
+            return q, F
+        code, _, q_new, F_new = self.correct(q, F, tolerance, remesh=False)
+        return (q_new, F_new) if code == warm_step.ADVANCED else (q, F)
+
     def correct(
         self, q: np.ndarray, F: np.ndarray, tolerance: float, limit: float = 1.0, remesh: bool = True
     ) -> tuple[int, int, np.ndarray, np.ndarray]:
