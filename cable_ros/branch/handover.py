@@ -90,8 +90,11 @@ def _longest_span(points: np.ndarray) -> float:
     return max((float(span) for span in spans if span > 0.0), default=np.inf)
 
 
-def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
-    """The equilibrium of a nodal rod, solved to the tolerance without its grid; None if none is found."""
+def exact(rod: NodalRod, tolerance: float, model: int, anywhere: bool = False) -> Found | None:
+    """The equilibrium of a nodal rod, solved to the tolerance without its grid; None if none is found.
+
+    `anywhere`: whether another one that a descent finds will do, too: in a search any is as good.
+    """
     if model != FRICTIONLESS and rod.touches:
         return _with_friction(rod, tolerance) if model == COULOMB else None
     assert rod.obstacles is not None
@@ -105,11 +108,14 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         count, stage = TRIALS[rod.tried % len(TRIALS)]
         mesh = Mesh(first.element, np.full(count, 1.0 / count)) if count else first
         new, q = _started(rod, mesh, tolerance, left)
-        result = _taken_over(new, q, rod) if stage is None else descend(new, q, rod.end_force, SETTLE, stage)
+        if stage is None:
+            result = _taken_over(new, q, rod)
+        else:
+            result = descend(new, q, rod.end_force, SETTLE, stage, foundation=anywhere)
         left = new.work
         if result is not None:
             one, estimate = refine(Found.at(new, *result), tolerance)
-            if estimate <= tolerance and _same(rod, one):
+            if estimate <= tolerance and (anywhere or _same(rod, one)):
                 found = one
                 break
         rod.tried += 1  # without budget left, the next pose tries the next
@@ -241,7 +247,7 @@ class Rest:
             self._shapes = sorted(begins, key=rod.depth)[:TRIES]
         rod.work = LIMIT
         rests = rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None
-        found = exact(rod, sought.tolerance, FRICTIONLESS) if rests else None
+        found = exact(rod, sought.tolerance, FRICTIONLESS, anywhere=True) if rests else None
         return found, LIMIT - rod.work
 
 

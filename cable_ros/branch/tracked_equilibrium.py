@@ -19,8 +19,9 @@ from cable_ros.branch.cold_start import (
     Found,
     refine,
 )
-from cable_ros.branch.continuation import FREE_TO_TURN, VERY_TAUT, SnapThrough
+from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.extremes import Obstacles, Reading, extremes
+from cable_ros.branch.snap_through import FREE_TO_TURN, SnapThrough
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB

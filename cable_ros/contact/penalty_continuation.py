@@ -44,7 +44,7 @@ GRID = np.linspace(0.0, 1.0, 33)
 
 def descend(
     rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int = 0, taut: bool = False,
-    foundation: bool = False,
+    foundation: bool = False, round_edges: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, int] | None:  # fmt: skip
     """The stable equilibrium with contact where a descent from (q, F) ends: q, F, iterations; or None.
 
@@ -54,7 +54,8 @@ def descend(
     """
     assert rod.obstacles is not None
     sharp, kept, mesh = rod.obstacles, rod.state(), rod.mesh
-    rod.obstacles = rounded(sharp)
+    if round_edges:
+        rod.obstacles = rounded(sharp)
     found = _descend(rod, q, F, options, first, taut, foundation)
     if found is not None and rod.obstacles is not sharp:
         total = found[2]

@@ -219,6 +219,12 @@ class Rod(WithoutContact):
             return None
         return (result.x, result.y, result.iterations) if self.refactor(result.x, result.y) else None
 
+    def fall(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """`minimum` from a shape that has just lost its stability; knows nothing of friction."""
+        return self.minimum(q, F, options)
+
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
         """Factor the tangent at (q, F); whether that is a strict minimum."""
         self.linearize(q, F)
