@@ -189,6 +189,7 @@ FOUND = {
     (102, 11): "heavy rough beams, both edges of each",
     (103, 18): "a light cable turned on a smooth table, which it all but touches beside the edge",
     (104, 44): "a loop over a bar snaps as the ground lets it go",
+    (105, 36): "a light cable between two rollers all but leaves one",
     (106, 19): "a stiff loop over a thin beam, which soft springs let through",
     (106, 71): "a heavy cable over two thin beams, which soft springs let through",
 }

@@ -265,13 +265,13 @@ class ActiveSetRod(FixedSetRod):
                 return warm_step.ADVANCED if ready else warm_step.NOT_CONVEX, iterations, q_new, F_new
         if moved and remesh:
             self._remeshing.skip()
-        if sunk:
+        left_unstable = not self.count and not super().refactor(q_new, F_new)
+        if sunk or left_unstable:
             self.restore(kept, mesh)
             self.set_conditions(*before)
             self.direction, self.ready = direction, False
-            return warm_step.NOT_CONTRACTING, iterations, q_new, F_new
-        if not self.count:
-            super().refactor(q_new, F_new)
+            code = warm_step.NOT_CONTRACTING if sunk else warm_step.NOT_CONVEX
+            return code, iterations, q_new, F_new
         self.settled = q_new
         return code, iterations, q_new, F_new
 
