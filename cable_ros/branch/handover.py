@@ -124,8 +124,11 @@ def _longest_span(points: np.ndarray) -> float:
     return max((float(span) for span in spans if span > 0.0), default=np.inf)
 
 
-def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
-    """The equilibrium of a nodal rod, solved to the tolerance without its grid; None if none is found."""
+def exact(rod: NodalRod, tolerance: float, model: int, anywhere: bool = False) -> Found | None:
+    """The equilibrium of a nodal rod, solved to the tolerance without its grid; None if none is found.
+
+    `anywhere`: whether another one that a descent finds will do, too: in a search any is as good.
+    """
     if model != FRICTIONLESS and rod.touches:
         return _with_friction(rod, tolerance) if model == COULOMB else None
     assert rod.obstacles is not None
@@ -144,11 +147,11 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         elif isinstance(new, StretchingTouchingRod):
             result = new.from_inextensible(q, rod.end_force, SETTLE, stage)
         else:
-            result = descend(new, q, rod.end_force, SETTLE, stage)
+            result = descend(new, q, rod.end_force, SETTLE, stage, foundation=anywhere)
         left = new.work
         if result is not None:
             one, estimate = refine(Found.at(new, *result), tolerance)
-            if estimate <= tolerance and _same(rod, one):
+            if estimate <= tolerance and (anywhere or _same(rod, one)):
                 found = one
                 break
         rod.tried += 1  # without budget left, the next pose tries the next
@@ -284,7 +287,7 @@ class Rest:
             self._shapes = sorted(begins, key=rod.depth)[:TRIES]
         rod.work = LIMIT
         rests = rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None
-        found = exact(rod, sought.tolerance, FRICTIONLESS) if rests else None
+        found = exact(rod, sought.tolerance, FRICTIONLESS, anywhere=True) if rests else None
         return found, LIMIT - rod.work
 
 
