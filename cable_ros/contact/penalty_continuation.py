@@ -92,7 +92,10 @@ def _descend(
         now = replace(options, iterations=most)
         if foundation:
             now = replace(now, step_tolerance=LAID, noise=QUADRATURE)
-        result = minimize(soft, q, F, now)
+        try:
+            result = minimize(soft, q, F, now)
+        except np.linalg.LinAlgError:  # the springs' rows depend on each other
+            break
         total += result.iterations
         rod.spend(SOFT * result.iterations)
         if not (result.converged or result.stalled):  # springs have kinks, contacts do not
