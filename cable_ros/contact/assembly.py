@@ -24,6 +24,7 @@ from cable_ros.contact.friction_kernels import (
 )
 from cable_ros.contact.interfaces import gap_here, locate
 from cable_ros.contact.moving_obstacles import carry, obstacle_motion
+from cable_ros.contact.point_couples import add_couples, add_stiffness, has_arm
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -102,6 +103,7 @@ def point_forces(shape, F, contacts, count, Fe, acc):
             for j in range(order + 1):
                 for a in range(4):
                     acc[e * order + j, a] += N[k, j] * gT[a]
+    add_couples(shape, points, count, acc)
 
 
 @njit(**INNER)
@@ -311,6 +313,8 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
         interpolate_frame(q, first, order, Nx, frame, qs, D)
         norm = tangent(qs, t)
         tangent_derivative(qs, t, 2.0 / norm, D, turn, 0, nd)
+        if has_arm(points, i):
+            add_stiffness(points, i, qs, D, 3 * first, geometric)
         by_position[:] = 0.0
         for k in range(e):
             for a in range(3):

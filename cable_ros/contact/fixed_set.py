@@ -11,6 +11,7 @@ import numpy as np
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.assembly import nodal
 from cable_ros.contact.contact_entry_points import assemble_kkt, point_forces
+from cable_ros.contact.dead_loads import DeadLoads
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
 from cable_ros.contact.gap_search import dips, scan
@@ -18,6 +19,7 @@ from cable_ros.contact.meshing import suited
 from cable_ros.contact.patches import inside
 from cable_ros.contact.points import (
     ARC_LENGTH,
+    ARM,
     BEFORE,
     CAPACITY,
     COLUMNS,
@@ -306,6 +308,24 @@ class FixedSetRod(Rod):
         """As `Rod.wrench_response`; see `response.wrench_response`."""
         if not self.count:
             return super().wrench_response(q, F, moving)
+        return self._response(q, F, moving, None)
+
+    def loaded_response(
+        self, q: np.ndarray, F: np.ndarray, moving: Sequence[int], loaded: np.ndarray, before: np.ndarray
+    ) -> np.ndarray:
+        """The same with columns and rows of `dead_loads`.
+
+        Args:
+            q, F, moving: as there.
+            loaded: (k,) numbers of the obstacles whose contact points carry given friction.
+            before: (k,) arc lengths that touched them before, L.
+        """
+        return self._response(q, F, moving, (loaded, before))
+
+    def _response(
+        self, q: np.ndarray, F: np.ndarray, moving: Sequence[int],
+        given: tuple[np.ndarray, np.ndarray] | None,
+    ) -> np.ndarray:  # fmt: skip
         self.trace(q, F)
         self.rows = self.assemble(q, F, FRICTIONLESS)
         self.judged = self.ready = False
@@ -318,11 +338,23 @@ class FixedSetRod(Rod):
             arc_lengths=points[:, ARC_LENGTH].copy(), obstacles=which, pressure=pressure,
             friction=points[:, FRICTION : FRICTION + 3], at_minimum=kind == POINT, lifts_off=kind >= FIRST,
             sticks=rough & (points[:, SLIPS] == 0.0) & (self.model == COULOMB), across=self.model == SLIDING,
-            give=1.0 / STICK,
+            give=1.0 / STICK, given=points[:, ARM : ARM + 3].any(axis=1),
         )  # fmt: skip
         clamps = self.qe, F, F + self.f + self.contact_force(), self.g
+        loads = None
+        if given is not None:
+            at = np.array([int(np.flatnonzero(which == one)[0]) for one in given[0]], int)
+            arcs, arms = points[at, ARC_LENGTH], points[at, ARM : ARM + 3]
+            turned = [
+                quaternion.rotate(one, arm)
+                for one, arm in zip(self.mesh.interpolate(q, arcs), arms, strict=True)
+            ]
+            couples = np.cross(np.array(turned).reshape(-1, 3), points[at, FRICTION : FRICTION + 3])
+            loads = DeadLoads.of(
+                self.mesh, self.shape(q), self.saddle[1][2], at, arcs, given[1], couples
+            )  # fmt: skip
         return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving,
-                               *self.strain[:2])  # fmt: skip
+                               *self.strain[:2], loads)  # fmt: skip
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """As `Rod.wrench_error`, with the contact forces as loads and the constraint rows of the contacts."""

@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Newton's method for cables that touch each other with friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cable_ros.branch.coulomb_contact import (
+    CARRIED,
+    SLIPS,
+    STAYS,
+    STICKS,
+    UNKNOWNS,
+    Grip,
+    Key,
+    Motion,
+    Rub,
+    assemble_with_friction,
+    condensed,
+    key,
+    law,
+)
+from cable_ros.branch.crossing_balance import CrossedTangent, System, is_minimum
+from cable_ros.branch.crossing_newton import (
+    EXACT,
+    FARTHEST,
+    ITERATIONS,
+    MOST_SLOW,
+    NOISE,
+    ROUNDING,
+    SLOW,
+    STALLED,
+    TANGENT,
+    WRENCH,
+    CrossingNewton,
+    Pair,
+)
+from cable_ros.branch.rubbing_cable import Friction, RubbingCable, loaded_response
+from cable_ros.branch.shared_piece import Place
+from cable_ros.contact.crossing import FREEDOMS, Spacer
+from cable_ros.contact.friction_kernels import ROUNDING as EDGE
+from cable_ros.contact.friction_kernels import STICK
+from cable_ros.linalg.cross import cross
+from cable_ros.scene import Kinematics
+
+MOST_SWITCHES = 6
+"""Maximum number of changes between stick and slip in one step."""
+FARTHEST_SLIP = 0.25
+"""Maximum slip in one step, as a fraction of the distance of the centrelines."""
+FARTHEST_ROLL, FARTHEST_TURN = 0.2, 0.12
+"""Maximum angle, rad, by which a cable rolls in one step, and by which the direction of slip turns."""
+FRICTION_LEAST = 2e-4
+"""Step, rad or m, that is never too far."""
+AT_LIMIT = 1e-4
+"""Relative distance of friction from its limit at which it counts as sliding."""
+
+
+class RubbingTangent(CrossedTangent):
+    """The linearised equations of all cables about their equilibrium, with the friction of their contacts."""
+
+    def __init__(
+        self, cables: Sequence[RubbingCable], radii: Sequence[float], spacers: Sequence[Spacer],
+        poses: np.ndarray, rubs: dict[int, Rub], grips: dict[int, Grip],
+    ) -> None:  # fmt: skip
+        """`rubs`, `grips`: by number of the spacer."""
+        super().__init__(cables, spacers, poses)
+        self._radii, self._rubs, self._grips = tuple(radii), rubs, grips
+
+    def whole(self, obstacles: Sequence[str] = ()) -> System:
+        """The equations with the unknowns of friction, see `assemble_with_friction`."""
+        responses = []
+        for i, ((tangent, first), own) in enumerate(zip(self._each, self._touching, strict=True)):
+            moving = [*tangent.numbers(obstacles), *(first + slot for slot in own.slots)]
+            loaded, before = [], []
+            for slot, j in zip(own.slots, own.spacers, strict=True):
+                if j in self._rubs:
+                    side = self._spacers[j].cables.index(i)
+                    loaded.append(first + slot)
+                    before.append(float(self._grips[j].arcs[side]))
+            responses.append(loaded_response(tangent, moving, loaded, before))
+        return assemble_with_friction(self._spacers, self._radii, self._rubs, responses, len(obstacles))
+
+    def system(self, obstacles: Sequence[str] = ()) -> System:
+        if not self._rubs:
+            return super().system(obstacles)
+        return condensed(self.whole(obstacles), FREEDOMS * len(self._spacers))
+
+
+class RubbingNewton(CrossingNewton):
+    """As `CrossingNewton`, with friction wherever cables have touched before.
+
+    Args:
+        cables: of the group.
+        radii: of each, m.
+        limit: coefficient of friction.
+    """
+
+    cables: tuple[RubbingCable, ...]
+
+    def __init__(self, cables: Sequence[RubbingCable], radii: Sequence[float], limit: float) -> None:
+        self.limit = limit
+        super().__init__(cables, radii)
+
+    def reset(self) -> None:
+        super().reset()
+        self._grips: dict[Key, Grip] = {}
+        """Of the last equilibrium."""
+        self._last: dict[Key, tuple[np.ndarray, int]] = {}
+        """Friction there, on the first cable, and whether it stuck or slipped."""
+        self._forces: dict[Key, np.ndarray] = {}  # these now
+        self._states: dict[Key, int] = {}
+        self._of_tangent: list[int] = []  # the states that `_inverse` is of
+        self._poses = np.zeros((0, 2, 7))  # of the clamps, in the last attempt
+        self._rub([])
+
+    def _rub(self, spacers: Sequence[Spacer]) -> None:
+        """Have the cables feel the present friction at these spacers."""
+        given: list[dict[int, Friction]] = [{} for _ in self.cables]
+        for one in spacers:
+            force, n = self._forces.get(key(one)), one.frame[2]
+            if force is not None:
+                for sign, cable, slot in zip((1.0, -1.0), one.cables, one.slots, strict=True):
+                    given[cable][slot] = Friction(sign * force, -sign * self._radii[cable] * n)
+        for tracked, own in zip(self.cables, given, strict=True):
+            tracked.rub(own)
+
+    def _rubs(self, spacers: Sequence[Spacer], poses: np.ndarray) -> dict[int, Rub]:
+        """Friction at the present equilibria, by number of the spacer."""
+        out = {}
+        for j, one in enumerate(spacers):
+            grip = self._grips.get(key(one))
+            if grip is None:
+                continue
+            sections = [
+                self.cables[i].section(float(s), poses[i, 0])
+                for i, s in zip(one.cables, grip.arcs, strict=True)
+            ]
+            pressing = float(np.mean([touch.force for touch in self._touches(one, poses)]))
+            stiffness = STICK * min(self.cables[i].stick_unit for i in one.cables)
+            out[j] = Rub(
+                self._forces[key(one)], Motion.of(grip, sections), pressing, self.limit, stiffness,
+                self._states[key(one)],
+            )  # fmt: skip
+        return out
+
+    def _newton(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, guess: Sequence[Spacer]
+    ) -> list[Spacer] | None:
+        self._poses = poses
+        known = [one for one in guess if key(one) in self._grips]
+        still = self._joints is not None and np.array_equal(joints, self._joints)
+        self._forces = {key(one): across(self._last[key(one)][0], one.frame[2]) for one in known}
+        self._states = {key(one): STAYS if still else self._last[key(one)][1] for one in known}
+        if not known:
+            self._rub([])
+            return super()._newton(kinematics, joints, poses, guess)
+        return self._with_friction(kinematics, joints, poses, guess)
+
+    def _with_friction(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, guess: Sequence[Spacer]
+    ) -> list[Spacer] | None:
+        """As `CrossingNewton._newton`, with friction as unknowns."""
+        spacers, tolerance, unknowns = list(guess), self.cables[0].asked, FREEDOMS * len(guess)
+        size, slow, switches = np.inf, 0, 0
+        for iteration in range(ITERATIONS):
+            self.iterations += 1
+            self._rub(spacers)
+            self._show(kinematics, joints, poses, spacers)
+            for cable, own in zip(self.cables, poses, strict=True):
+                if not cable.attempt(kinematics, joints, Place(own, cable.length)):
+                    return None
+                if not np.isfinite(cable.end_force).all():
+                    return None
+            pressed = self._residual(spacers, poses)
+            if pressed is None:
+                return None
+            rubs = self._rubs(spacers, poses)
+            switched = iteration > 0 and self._switch(rubs, spacers)
+            if switched:
+                switches, size, rubs = switches + 1, np.inf, self._rubs(spacers, poses)
+                if switches > MOST_SWITCHES:
+                    return None
+            residual = np.concatenate([pressed, *(
+                np.concatenate([law(rub, spacers[j].frame).residual, np.zeros(UNKNOWNS - 2)])
+                for j, rub in rubs.items()
+            )])  # fmt: skip
+            if self._of_tangent != [rub.state for rub in rubs.values()]:
+                self._inverse = None
+            step, new = self._step(residual, spacers)
+            if iteration and new > STALLED * size and new <= max(NOISE * tolerance, ROUNDING):
+                return self._arrived(joints, spacers, rubs)
+            if new > SLOW * size or not new <= FARTHEST:
+                if not self._renew(spacers, poses):
+                    return None
+                step, new = self._step(residual, spacers)
+                slow += new > STALLED * size and new < FARTHEST
+                if slow > MOST_SLOW or not np.isfinite(new):
+                    return None
+            if new <= EXACT * tolerance and not switched:
+                return self._arrived(joints, spacers, rubs)
+            size, part = new, min(1.0, FARTHEST / new)
+            spacers = [
+                one.moved(own)
+                for one, own in zip(spacers, part * step[:unknowns].reshape(-1, FREEDOMS), strict=True)
+            ]
+            for j, change in zip(rubs, part * step[unknowns:].reshape(-1, UNKNOWNS), strict=True):
+                one = spacers[j]
+                self._forces[key(one)] = across(self._forces[key(one)] + change[:3], one.frame[2])
+        return None
+
+    def _switch(self, rubs: dict[int, Rub], spacers: Sequence[Spacer]) -> bool:
+        """Change between stick and slip where the present friction asks for it; whether any did."""
+        switched = False
+        for j, rub in rubs.items():
+            at, trial = key(spacers[j]), rub.trial(spacers[j].frame[2])
+            size = float(np.linalg.norm(trial))
+            if rub.state in (STICKS, STAYS):
+                slips = float(np.linalg.norm(rub.force)) > (1.0 + EDGE) * rub.cone
+                if slips and rub.state == STAYS:
+                    continue
+                to = SLIPS if slips else rub.state
+            else:
+                to = SLIPS if size >= (1.0 - EDGE) * rub.cone and trial @ rub.force >= 0.0 else STICKS
+            switched = switched or to != rub.state
+            self._states[at] = to
+        return switched
+
+    def _arrived(
+        self, joints: np.ndarray, spacers: list[Spacer], rubs: dict[int, Rub]
+    ) -> list[Spacer] | None:
+        """The spacers, unless friction has turned or slipped too far in this step."""
+        assert self._joints is not None
+        if float(np.abs(joints - self._joints).max(initial=0.0)) <= FRICTION_LEAST:
+            return spacers
+        for j, rub in rubs.items():
+            one = spacers[j]
+            n, before, slipped = one.frame[2], self._last[key(one)], rub.state == SLIPS
+            if float(np.linalg.norm(rub.motion.slip)) > FARTHEST_SLIP * one.apart:
+                return None
+            for sign, lever in zip((1.0, -1.0), rub.motion.levers, strict=True):
+                size = float(np.linalg.norm(lever))
+                if float(np.linalg.norm(lever + sign * size * n)) > FARTHEST_ROLL * size:
+                    return None
+            if slipped and before[1] == SLIPS:
+                then = across(rub.motion.friction, n)
+                turn = cross(then, rub.force) @ n
+                if abs(float(turn)) > FARTHEST_TURN * float(np.linalg.norm(then) * np.linalg.norm(rub.force)):
+                    return None
+        return spacers
+
+    def _accept(self, joints: np.ndarray, pairs: Sequence[Pair], spacers: Sequence[Spacer]) -> None:
+        states, forces = self._states, self._forces
+        super()._accept(joints, pairs, spacers)
+        grips, self._last = {}, {}
+        for one in self.spacers:
+            at, n = key(one), one.frame[2]
+            force = across(forces.get(at, np.zeros(3)), n)
+            touches = self._touches(one, self._poses)
+            sections = [
+                self.cables[i].section(touch.arc_length, self._poses[i, 0])
+                for i, touch in zip(one.cables, touches, strict=True)
+            ]
+            arcs = np.array([touch.arc_length for touch in touches])
+            grips[at] = Grip.of(arcs, sections, n, [self._radii[i] for i in one.cables], force)
+            state = states.get(at, STICKS)
+            if state == STAYS:
+                state = SLIPS if np.linalg.norm(force) > (1.0 - AT_LIMIT) * self.limit * touches[0].force else STICKS
+            self._last[at] = force, state
+        self._grips = grips
+        self._inverse = None  # of other sections
+
+    def tangent(self, poses: np.ndarray, carried: bool = True) -> RubbingTangent:
+        """The linearised equations about the present equilibria; `carried`: slip goes on the same way."""
+        rubs = self._rubs(self.spacers, poses)
+        if carried:
+            rubs = {
+                j: rub._replace(state=CARRIED if rub.state == SLIPS else STICKS) for j, rub in rubs.items()
+            }
+        grips = {j: self._grips[key(self.spacers[j])] for j in rubs}
+        return RubbingTangent(self.cables, self._radii, self.spacers, poses, rubs, grips)
+
+    def _renew(self, spacers: Sequence[Spacer], poses: np.ndarray) -> bool:
+        rubs = self._rubs(spacers, poses)
+        if not rubs:
+            return super()._renew(spacers, poses)
+        self.iterations += TANGENT
+        grips = {j: self._grips[key(spacers[j])] for j in rubs}
+        system = RubbingTangent(self.cables, self._radii, spacers, poses, rubs, grips).whole()
+        self._of_tangent = [rub.state for rub in rubs.values()]
+        try:
+            self._inverse, self._spread = np.linalg.inv(system.tangent), system.spread
+            self._modes = condensed(system, FREEDOMS * len(spacers)).modes()
+        except np.linalg.LinAlgError:
+            return False
+        return bool(np.isfinite(self._inverse).all())
+
+    def _size(self, step: np.ndarray, spacers: Sequence[Spacer]) -> float:
+        least = min(one.apart for one in spacers)
+        changes = (self._spread @ step).reshape(-1, 12)
+        told = [cable.size_of(change) for cable, change in zip(self.cables, changes, strict=True)]
+        return max(float(np.abs(step[: FREEDOMS * len(spacers)]).max()) / least, WRENCH * max(told))
+
+
+def across(v: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """The part of v (3,) across the unit vector n (3,)."""
+    out: np.ndarray = v - (v @ n) * n
+    return out

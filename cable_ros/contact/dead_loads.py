@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a cable answers to given forces and couples at its contact points; see `contact.response`.
+
+Friction between two cables is a load of each: a force at the contact point and a couple about its centreline.
+Both follow the contact point along the cable. Units of the cable, start clamp's frame.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.contact.response_kernels import displacements
+from cable_ros.rod.elements import Mesh, lagrange
+
+LOADS = 6
+"""Columns of a load: change of the force, of the couple. The kernel's couple is that of an arm that turns with
+its section; here the change beyond that turn is given."""
+ANSWERS = 9
+"""Rows of a load: rotation of the section that stands at the contact point; displacement and rotation of
+another section, which is the one that touched before."""
+BESIDE = 1e-9
+"""L; the section beside a boundary between two elements is looked at from both sides."""
+
+
+class DeadLoads(NamedTuple):
+    """Given friction of k contact points."""
+
+    points: np.ndarray
+    """(k,) their numbers."""
+    couples: np.ndarray
+    """(k, 3) the present ones, EI / L."""
+    turned: np.ndarray
+    """(k, 3, 3n) derivative of the rotations of the sections there by the nodal rotations."""
+    bent: np.ndarray
+    """(k, 3, 3n) its derivative by the arc length, the mean of both sides."""
+    moved_before: np.ndarray
+    """(k, 3, 3n) derivative of the positions of the sections that touched before."""
+    turned_before: np.ndarray
+    """(k, 3, 3n) derivative of their rotations."""
+
+    def moved(self, count: int) -> np.ndarray:
+        """(count, 3n) what the couples pull at the nodes as their points move along the cable, per L."""
+        out = np.zeros((count, self.bent.shape[2]))
+        out[self.points] = np.einsum("ia,iaj->ij", self.couples, self.bent)
+        return out
+
+    def forces(self, columns: int) -> np.ndarray:
+        """(k, 3, columns) change of each force by the motions, the last ones of which are the loads."""
+        return self._own(0, columns)
+
+    def by_couples(self, columns: int) -> np.ndarray:
+        """(3n, columns) what the changes of the couples pull at the nodes."""
+        out: np.ndarray = np.einsum("iaj,iak->jk", self.turned, self._own(3, columns))
+        return out
+
+    def answers(self, x: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """(ANSWERS k, columns) of nodal rotations x (3n, columns) and motions of the start (3, columns)."""
+        each = [self.turned @ x, self.moved_before @ x + shift, self.turned_before @ x]
+        return np.concatenate(each, axis=1).reshape(-1, x.shape[1])
+
+    def _own(self, first: int, columns: int) -> np.ndarray:
+        k = len(self.points)
+        out = np.zeros((k, 3, columns))
+        for i in range(k):
+            at = columns - LOADS * (k - i) + first
+            out[i, :, at : at + 3] = np.eye(3)
+        return out
+
+    @classmethod
+    def of(
+        cls, mesh: Mesh, shape: tuple[np.ndarray, ...], dchord: np.ndarray, points: np.ndarray,
+        arcs: np.ndarray, before: np.ndarray, couples: np.ndarray,
+    ) -> DeadLoads:  # fmt: skip
+        """Of contact points at arc lengths.
+
+        Args:
+            mesh: of the rod.
+            shape: of `contact_state.Shape`.
+            dchord: of `rod_state.Tangents`.
+            points, couples: as the fields.
+            arcs, before: (k,) arc lengths of the contact points, and of those that touched before, L.
+        """
+        q = shape[0]
+        moved, turn = np.empty((2, len(before), 3, 3 * len(q)))
+        displacements(shape, dchord, before, 0.0, np.zeros((0, 0, 3)), moved, turn)
+        sides = [rotations(mesh, q, np.clip(arcs + s, 0.0, 1.0)) for s in (-BESIDE, BESIDE)]
+        return cls(
+            points, couples, rotations(mesh, q, arcs)[0], 0.5 * (sides[0][1] + sides[1][1]), moved,
+            rotations(mesh, q, before)[0],
+        )  # fmt: skip
+
+
+def rotations(mesh: Mesh, q: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (k, 3, 3n) of the rotations of sections by the nodal rotations, and theirs by s.
+
+    With q = sum N_i q_i of any length, the rotation is 2 vec(dq q*) / |q|^2.
+
+    Args:
+        mesh: of the rod.
+        q: (n, 4) nodal frames.
+        s: (k,) arc lengths, L.
+    """
+    element, x = mesh.locate(s)
+    N, slopes = lagrange(mesh.element.nodes, x)
+    slopes = slopes / mesh.lengths[element][:, None]
+    nodes = element[:, None] * mesh.element.order + np.arange(mesh.element.order + 1)[None, :]
+    out, rate = np.zeros((2, len(s), 3, 3 * len(q)))
+    for i, own in enumerate(nodes):
+        here, along = N[i] @ q[own], slopes[i] @ q[own]
+        size, change = here @ here, 2.0 * (here @ along)
+        for j, node in enumerate(own):
+            w, v = q[node, 0], q[node, 1:]
+            turn = 0.5 * np.vstack([-v, w * np.eye(3) + _cross(v)])  # of q_i by its rotation vector
+            at = slice(3 * node, 3 * node + 3)
+            a, b = _vector(here) @ turn, _vector(along) @ turn
+            out[i, :, at] = 2.0 / size * N[i, j] * a
+            rate[i, :, at] = 2.0 / size * (slopes[i, j] * a + N[i, j] * b) - change / size * out[i, :, at]
+    return out, rate
+
+
+def _vector(q: np.ndarray) -> np.ndarray:
+    """(3, 4): the vector part of p q* is this times p."""
+    return np.hstack([-q[1:, None], q[0] * np.eye(3) + _cross(q[1:])])
+
+
+def _cross(v: np.ndarray) -> np.ndarray:
+    """(3, 3): v x u is this times u."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
