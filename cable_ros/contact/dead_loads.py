@@ -20,8 +20,8 @@ its section; here the change beyond that turn is given."""
 ANSWERS = 9
 """Rows of a load: rotation of the section that stands at the contact point; displacement and rotation of
 another section, which is the one that touched before."""
-BESIDE = 1e-9
-"""L; the section beside a boundary between two elements is looked at from both sides."""
+BESIDE = -1e-9, 1e-9
+"""L; a section between two elements is looked at from both."""
 
 
 class DeadLoads(NamedTuple):
@@ -85,7 +85,7 @@ class DeadLoads(NamedTuple):
         q = shape[0]
         moved, turn = np.empty((2, len(before), 3, 3 * len(q)))
         displacements(shape, dchord, before, 0.0, np.zeros((0, 0, 3)), moved, turn)
-        sides = [rotations(mesh, q, np.clip(arcs + s, 0.0, 1.0)) for s in (-BESIDE, BESIDE)]
+        sides = [rotations(mesh, q, np.clip(arcs + s, 0.0, 1.0)) for s in BESIDE]
         return cls(
             points, couples, rotations(mesh, q, arcs)[0], 0.5 * (sides[0][1] + sides[1][1]), moved,
             rotations(mesh, q, before)[0],

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cable_ros.contact.dead_loads import LOADS, DeadLoads
+from cable_ros.contact.dead_loads import BESIDE, LOADS, DeadLoads
 from cable_ros.contact.response_kernels import columns, displacements, solve_inner, surfaces
 from cable_ros.contact.stretched import elongations, reaches
 from cable_ros.rod import quaternion
@@ -119,6 +119,9 @@ def wrench_response(
     pressure, friction = contacts.pressure, contacts.friction
     dead = contacts.given
     P = pressure[:, None] * normals + np.where(dead[:, None], 0.0, friction)
+    if loads is not None:  # a couple bends the cable differently on its two sides
+        sides = [surfaces(shape, contacts.arc_lengths + s, contacts.obstacles, bodies)[2] for s in BESIDE]
+        dt[loads.points] = 0.5 * (sides[0] + sides[1])[loads.points]
     if compliance.any():  # arc lengths below are those of the stretched cable
         dt /= elongations(shape, contacts.arc_lengths)[:, None]
 
