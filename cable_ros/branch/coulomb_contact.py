@@ -154,11 +154,22 @@ def law(rub: Rub, frame: np.ndarray) -> Law:
     )  # fmt: skip
 
 
+class Sides(NamedTuple):
+    """What forces on one side alone do, two at each of r contacts with friction."""
+
+    tangent: np.ndarray
+    """(size, 6 r) derivative of the equations."""
+    spread: np.ndarray
+    """(12 n + 6 o, 6 r) derivative of the wrenches."""
+    moved: np.ndarray
+    """(6 r, size + 6 r) derivative of the places where either cable touches by the unknowns and these."""
+
+
 def assemble_with_friction(
     spacers: Sequence[Spacer], radii: Sequence[float], rubs: dict[int, Rub],
     responses: Sequence[np.ndarray], obstacles: int = 0,
-) -> System:  # fmt: skip
-    """The equations of the spacers, 5 k unknowns, then `UNKNOWNS` for each that rubs.
+) -> tuple[System, Sides]:  # fmt: skip
+    """The equations of the spacers, 5 k unknowns, then `UNKNOWNS` for each that rubs; and `Sides`.
 
     Args:
         spacers: at least one.
@@ -171,7 +182,9 @@ def assemble_with_friction(
     count, own_size, ends = len(responses), FREEDOMS * len(spacers), 12 * len(responses)
     which = {j: own_size + UNKNOWNS * i for i, j in enumerate(rubs)}
     size, known = own_size + UNKNOWNS * len(rubs), 12 + 6 * obstacles
-    tangent, spread = np.zeros((size, size)), np.zeros((ends + 6 * obstacles, size))
+    more = 6 * len(rubs)
+    tangent, spread = np.zeros((size, size + more)), np.zeros((ends + 6 * obstacles, size + more))
+    moved = np.zeros((more, size + more))
     pushed, held = np.zeros((size, len(spread))), np.zeros((len(spread),) * 2)
     bases = [spacer.basis() for spacer in spacers]
     for i, (own, response) in enumerate(zip(touching(spacers, count), responses, strict=True)):
@@ -179,13 +192,14 @@ def assemble_with_friction(
         slots = 6 * len(own.slots)
         rubbing = [(a, j) for a, j in enumerate(own.spacers) if j in which]
         # motions and loads of this cable by all unknowns
-        inputs = np.zeros((slots + LOADS * len(rubbing), size))
+        inputs = np.zeros((slots + LOADS * len(rubbing), size + more))
         for a, j in enumerate(own.spacers):
             inputs[6 * a : 6 * a + 6, FREEDOMS * j : FREEDOMS * j + FREEDOMS] = bases[j]
         for b, (a, j) in enumerate(rubbing):
             side, at = _side(own.spacers, a, spacers[j], i), slots + LOADS * b
             inputs[at : at + 3, which[j] : which[j] + 3] = np.eye(3) if side == 0 else -np.eye(3)
-            couple = which[j] + 3 + 3 * side
+            couple, alone = which[j] + 3 + 3 * side, size + 6 * list(rubs).index(j) + 3 * side
+            inputs[at : at + 3, alone : alone + 3] = np.eye(3)
             inputs[at + 3 : at + 6, couple : couple + 3] = np.eye(3)
         by_unknowns, by_motions = response[:, known:] @ inputs, np.zeros((len(response), len(spread)))
         by_motions[:, rows] = response[:, :known]
@@ -199,6 +213,10 @@ def assemble_with_friction(
             side = _side(own.spacers, a, spacers[j], i)
             first, force = known + slots + ANSWERS * b, known + 6 * a
             terms = _terms(rubs[j], spacers[j], radii, side)
+            to = 6 * list(rubs).index(j) + 3 * side
+            lever = (2.0 * side - 1.0) * radii[i] * spacers[j].frame[2]
+            moved[to : to + 3] = by_unknowns[first : first + 3]
+            moved[to : to + 3] -= cross_matrix(lever) @ by_unknowns[first + 3 : first + 6]
             for out, by in ((tangent, by_unknowns), (pushed, by_motions)):
                 out[which[j] : which[j] + UNKNOWNS] += (
                     terms[:, :ANSWERS] @ by[first : first + ANSWERS]
@@ -206,7 +224,8 @@ def assemble_with_friction(
                 )
     for j, at in which.items():
         _explicit(rubs[j], spacers[j], radii, tangent[at : at + UNKNOWNS], FREEDOMS * j, at)
-    return System(tangent, spread, pushed, held)
+    whole = System(tangent[:, :size], spread[:, :size], pushed, held)
+    return whole, Sides(tangent[:, size:], spread[:, size:], moved)
 
 
 def _side(spacers: Sequence[int], a: int, spacer: Spacer, cable: int) -> int:
@@ -220,16 +239,16 @@ def _terms(rub: Rub, spacer: Spacer, radii: Sequence[float], side: int) -> np.nd
     """(UNKNOWNS, ANSWERS + 3) of the equations of friction by a cable's answers and its force on the spacer."""
     n, sign = spacer.frame[2], 1.0 - 2.0 * side
     own, out = law(rub, spacer.frame), np.zeros((UNKNOWNS, ANSWERS + 3))
-    out[:2, 3:6] = sign * own.by_slip
-    out[:2, 6:9] = -sign * own.by_slip @ cross_matrix(rub.motion.levers[side])
+    out[:2, 6:9] = sign * own.by_slip
+    out[:2, 9:12] = -sign * own.by_slip @ cross_matrix(rub.motion.levers[side])
     friction = rub.force if rub.state == CARRIED else rub.motion.turned[side]
-    out[:2, 6:9] -= 0.5 * own.by_turned @ cross_matrix(friction)
+    out[:2, 9:12] -= 0.5 * own.by_turned @ cross_matrix(friction)
     # both press with the same force; that on the spacer is against the normal on the first side
-    out[:2, 9:12] = -0.5 * sign * np.outer(own.by_normal_force, n)
+    out[:2, ANSWERS:] = -0.5 * sign * np.outer(own.by_normal_force, n)
     arm, force = -sign * radii[spacer.cables[side]] * n, sign * rub.force
     couple = slice(3 + 3 * side, 6 + 3 * side)
     # (turn x arm) x force
-    out[couple, :3] = cross_matrix(force) @ cross_matrix(arm)
+    out[couple, 3:6] = cross_matrix(force) @ cross_matrix(arm)
     return out
 
 

@@ -8,25 +8,44 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.branch.crossing_cable import CrossingCable, Touch
+from cable_ros.branch.crossing_cable import CrossingCable, Remembered, Touch
 from cable_ros.branch.results import Tangent
 from cable_ros.branch.shared_piece import Place
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.dead_loads import ANSWERS, LOADS
-from cable_ros.contact.points import ARC_LENGTH, ARM, BEFORE, FORCE, FRICTION, OBSTACLE
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    ARM,
+    BEFORE,
+    COLUMNS,
+    FORCE,
+    FRICTION,
+    GIVEN,
+    HOLD,
+    OBSTACLE,
+    SPRING,
+    TARGET,
+)
 from cable_ros.contact.report import positions
+from cable_ros.equilibrium import Equilibrium
 from cable_ros.linalg.cross import cross
 from cable_ros.rod import quaternion
 from cable_ros.scene import Kinematics
 
 
-class Friction(NamedTuple):
-    """Of a contact, on one cable; world."""
+class Hold(NamedTuple):
+    """What rubs at a contact, on one cable."""
 
-    force: np.ndarray
-    """(3,) N."""
+    arc: float
+    """Arc length of the section that it acts on, m."""
     arm: np.ndarray
-    """(3,) from its centreline to where the cables touch, m."""
+    """(3,) from that one's centre to where the cables touch, along its axes, m."""
+    force: np.ndarray
+    """(3,) world, N."""
+    place: np.ndarray
+    """(3,) where a spring holds the end of the arm, world, m."""
+    stiffness: float
+    """Of that spring, N/m."""
 
 
 class Section(NamedTuple):
@@ -41,20 +60,37 @@ class Section(NamedTuple):
 class RubbingCable(CrossingCable):
     """One cable whose contacts in slots may carry friction, which its group gives."""
 
+    start: np.ndarray
+    """(7,) the start clamp of the present equilibrium, world."""
+
     def reset(self) -> None:
         super().reset()
-        self._friction: dict[int, Friction] = {}
+        self._holds: dict[int, Hold] = {}
 
-    def rub(self, friction: dict[int, Friction]) -> None:
-        """Carry this friction, by slot, from the next attempt on; a slot that is left out carries none."""
-        self._friction = dict(friction)
+    def find(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> Equilibrium:
+        self.start = place.poses[0]
+        return super().find(kinematics, joints, place)
+
+    def remember(self) -> Remembered:
+        return super().remember()._replace(start=self.start)
+
+    def recall(self, known: Remembered) -> None:
+        super().recall(known)
+        assert known.start is not None
+        self.start = known.start
+
+    def hold(self, holds: dict[int, Hold]) -> None:
+        """Rub so, by slot, from the next attempt on; a slot that is left out has no friction."""
+        self._holds = dict(holds)
 
     def attempt(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
-        """See `CrossingCable.attempt`; with the friction that was given, also at a contact that begins."""
+        """See `CrossingCable.attempt`; with friction, also at a contact that begins."""
         self._load(place.poses[0])
         found = super().attempt(kinematics, joints, place)
         if found and self._load(place.poses[0]):
             found = super().attempt(kinematics, joints, place)
+        if found:
+            self.start = place.poses[0]
         return found
 
     def _load(self, start: np.ndarray) -> bool:
@@ -66,28 +102,43 @@ class RubbingCable(CrossingCable):
             return False
         turn, unit, changed = quaternion.matrix_from_ros(start[3:]), self._units, False
         for row in points:
-            given = self._friction.get(int(row[OBSTACLE]) - self.first_slot)
-            force, arm = np.zeros((2, 3))
+            given, own = self._holds.get(int(row[OBSTACLE]) - self.first_slot), np.zeros(COLUMNS - ARM)
             if given is not None:
-                frame = rod.mesh.interpolate(self._q, row[ARC_LENGTH : ARC_LENGTH + 1])[0]
-                force = given.force @ turn / unit.force
-                arm = quaternion.rotate(quaternion.conjugate(frame), given.arm @ turn / unit.length)
-            changed = changed or bool((row[FRICTION:BEFORE] != force).any()) or row[ARM:].any() != arm.any()
-            row[FRICTION:BEFORE], row[ARM : ARM + 3] = force, arm
+                own[:3], own[HOLD - ARM] = given.arm / unit.length, given.arc / unit.length
+                own[GIVEN - ARM : TARGET - ARM] = given.force @ turn / unit.force
+                own[TARGET - ARM : SPRING - ARM] = (given.place - start[:3]) @ turn / unit.length
+                own[SPRING - ARM] = given.stiffness * unit.length / unit.force
+            changed = changed or bool((row[ARM:] != own).any())
+            row[ARM:] = own
+            if given is None:
+                row[FRICTION:BEFORE] = 0.0
         if changed:
             rod.settled = None  # the gradient there is another one
         return changed
+
+    def friction(self, slot: int, start: np.ndarray) -> np.ndarray:
+        """(3,) on this cable, where it touches in a slot, world, N; `start` (7,): the start clamp."""
+        rod = self._rod
+        assert isinstance(rod, ActiveSetRod)
+        force = rod.points[self._first(slot), FRICTION:BEFORE]
+        out: np.ndarray = quaternion.matrix_from_ros(start[3:]) @ force * self._units.force
+        return out
+
+    def _first(self, slot: int) -> int:
+        """Number of its first contact point in a slot."""
+        rod = self._rod
+        assert isinstance(rod, ActiveSetRod)
+        on = np.flatnonzero(rod.points[: rod.count, OBSTACLE] == self.first_slot + slot)
+        return int(on[np.argmin(rod.points[on, ARC_LENGTH])])
 
     def touches(self, slot: int, start: np.ndarray) -> Touch:
         """See `CrossingCable.touches`; the wrench is without friction."""
         found = super().touches(slot, start)
         rod = self._rod
         assert isinstance(rod, ActiveSetRod)
-        if slot not in self._friction or not found.points:
+        if slot not in self._holds or not found.points:
             return found
-        on = np.flatnonzero(rod.points[: rod.count, OBSTACLE] == self.first_slot + slot)
-        first = on[np.argmin(rod.points[on, ARC_LENGTH])]
-        normal = float(rod.points[first, FORCE]) * self._units.force
+        normal = float(rod.points[self._first(slot), FORCE]) * self._units.force
         return found._replace(wrench=found.wrench * (normal / max(found.force, 1e-300)))
 
     def section(self, arc_length: float, start: np.ndarray) -> Section:
@@ -131,7 +182,7 @@ def loaded_response(
     turn = quaternion.matrix_from_ros(start[3:])
     rows = np.concatenate([
         -np.tile(np.repeat([unit.force, unit.moment], 3), m),
-        np.tile(np.repeat([1.0, unit.length, 1.0], 3), k),
+        np.tile(np.repeat([unit.length, 1.0], 3), 2 * k),
     ])  # fmt: skip
     columns = np.concatenate([
         np.tile(np.repeat([unit.length, 1.0], 3), m), np.tile(np.repeat([unit.force, unit.moment], 3), k),

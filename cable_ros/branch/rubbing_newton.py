@@ -17,6 +17,7 @@ from cable_ros.branch.coulomb_contact import (
     Key,
     Motion,
     Rub,
+    Sides,
     assemble_with_friction,
     condensed,
     key,
@@ -37,7 +38,7 @@ from cable_ros.branch.crossing_newton import (
     CrossingNewton,
     Pair,
 )
-from cable_ros.branch.rubbing_cable import Friction, RubbingCable, loaded_response
+from cable_ros.branch.rubbing_cable import Hold, RubbingCable, loaded_response
 from cable_ros.branch.shared_piece import Place
 from cable_ros.contact.crossing import FREEDOMS, Spacer
 from cable_ros.contact.friction_kernels import ROUNDING as EDGE
@@ -47,6 +48,8 @@ from cable_ros.scene import Kinematics
 
 MOST_SWITCHES = 6
 """Maximum number of changes between stick and slip in one step."""
+SPRING = 2e3
+"""Stiffness, EI / L^3, of the spring that holds a touching point while Newton's method goes on."""
 FARTHEST_SLIP = 0.25
 """Maximum slip in one step, as a fraction of the distance of the centrelines."""
 FARTHEST_ROLL, FARTHEST_TURN = 0.2, 0.12
@@ -68,7 +71,7 @@ class RubbingTangent(CrossedTangent):
         super().__init__(cables, spacers, poses)
         self._radii, self._rubs, self._grips = tuple(radii), rubs, grips
 
-    def whole(self, obstacles: Sequence[str] = ()) -> System:
+    def whole(self, obstacles: Sequence[str] = ()) -> tuple[System, Sides]:
         """The equations with the unknowns of friction, see `assemble_with_friction`."""
         responses = []
         for i, ((tangent, first), own) in enumerate(zip(self._each, self._touching, strict=True)):
@@ -85,7 +88,7 @@ class RubbingTangent(CrossedTangent):
     def system(self, obstacles: Sequence[str] = ()) -> System:
         if not self._rubs:
             return super().system(obstacles)
-        return condensed(self.whole(obstacles), FREEDOMS * len(self._spacers))
+        return condensed(self.whole(obstacles)[0], FREEDOMS * len(self._spacers))
 
 
 class RubbingNewton(CrossingNewton):
@@ -113,18 +116,31 @@ class RubbingNewton(CrossingNewton):
         self._states: dict[Key, int] = {}
         self._of_tangent: list[int] = []  # the states that `_inverse` is of
         self._poses = np.zeros((0, 2, 7))  # of the clamps, in the last attempt
-        self._rub([])
+        self._sides: Sides | None = None  # of the tangent that `_inverse` is of
+        for cable in self.cables:
+            cable.hold({})
 
-    def _rub(self, spacers: Sequence[Spacer]) -> None:
-        """Have the cables feel the present friction at these spacers."""
-        given: list[dict[int, Friction]] = [{} for _ in self.cables]
+    def _hold(self, spacers: Sequence[Spacer], moved: dict[Key, np.ndarray]) -> None:
+        """Have the cables feel the present friction at these spacers, from their present equilibria on.
+
+        A cable under given friction alone may be unstable where one that is held is not: so a spring holds
+        each touching point where it is expected, `moved` (2, 3) m from where it is. Friction is what both
+        exert; the spring's part vanishes as Newton's method arrives.
+        """
+        holds: list[dict[int, Hold]] = [{} for _ in self.cables]
         for one in spacers:
-            force, n = self._forces.get(key(one)), one.frame[2]
-            if force is not None:
-                for sign, cable, slot in zip((1.0, -1.0), one.cables, one.slots, strict=True):
-                    given[cable][slot] = Friction(sign * force, -sign * self._radii[cable] * n)
-        for tracked, own in zip(self.cables, given, strict=True):
-            tracked.rub(own)
+            if key(one) not in self._forces:
+                continue
+            for side, (i, slot) in enumerate(zip(one.cables, one.slots, strict=True)):
+                cable, sign = self.cables[i], 1.0 - 2.0 * side
+                arc, arm = cable.touches(slot, cable.start).arc_length, -sign * self._radii[i] * one.frame[2]
+                section = cable.section(arc, cable.start)
+                holds[i][slot] = Hold(
+                    arc, section.turn.T @ arm, sign * self._forces[key(one)],
+                    section.position + arm + moved[key(one)][side], SPRING * cable.stick_unit,
+                )  # fmt: skip
+        for tracked, own in zip(self.cables, holds, strict=True):
+            tracked.hold(own)
 
     def _rubs(self, spacers: Sequence[Spacer], poses: np.ndarray) -> dict[int, Rub]:
         """Friction at the present equilibria, by number of the spacer."""
@@ -154,7 +170,7 @@ class RubbingNewton(CrossingNewton):
         self._forces = {key(one): across(self._last[key(one)][0], one.frame[2]) for one in known}
         self._states = {key(one): STAYS if still else self._last[key(one)][1] for one in known}
         if not known:
-            self._rub([])
+            self._hold([], {})
             return super()._newton(kinematics, joints, poses, guess)
         return self._with_friction(kinematics, joints, poses, guess)
 
@@ -164,9 +180,14 @@ class RubbingNewton(CrossingNewton):
         """As `CrossingNewton._newton`, with friction as unknowns."""
         spacers, tolerance, unknowns = list(guess), self.cables[0].asked, FREEDOMS * len(guess)
         size, slow, switches = np.inf, 0, 0
+        before = {key(one): one.centres.mean(axis=0) for one in self.spacers}
+        moved = {
+            key(one): np.tile(one.centres.mean(axis=0) - before[key(one)], (2, 1))
+            for one in spacers if key(one) in self._forces
+        }  # fmt: skip
         for iteration in range(ITERATIONS):
             self.iterations += 1
-            self._rub(spacers)
+            self._hold(spacers, moved)
             self._show(kinematics, joints, poses, spacers)
             for cable, own in zip(self.cables, poses, strict=True):
                 if not cable.attempt(kinematics, joints, Place(own, cable.length)):
@@ -176,6 +197,7 @@ class RubbingNewton(CrossingNewton):
             pressed = self._residual(spacers, poses)
             if pressed is None:
                 return None
+            apart = self._balance(spacers, poses)
             rubs = self._rubs(spacers, poses)
             switched = iteration > 0 and self._switch(rubs, spacers)
             if switched:
@@ -188,27 +210,57 @@ class RubbingNewton(CrossingNewton):
             )])  # fmt: skip
             if self._of_tangent != [rub.state for rub in rubs.values()]:
                 self._inverse = None
-            step, new = self._step(residual, spacers)
+            step, new = self._whole_step(residual, apart, spacers)
             if iteration and new > STALLED * size and new <= max(NOISE * tolerance, ROUNDING):
                 return self._arrived(joints, spacers, rubs)
             if new > SLOW * size or not new <= FARTHEST:
                 if not self._renew(spacers, poses):
                     return None
-                step, new = self._step(residual, spacers)
+                step, new = self._whole_step(residual, apart, spacers)
                 slow += new > STALLED * size and new < FARTHEST
                 if slow > MOST_SLOW or not np.isfinite(new):
                     return None
             if new <= EXACT * tolerance and not switched:
                 return self._arrived(joints, spacers, rubs)
             size, part = new, min(1.0, FARTHEST / new)
+            assert self._sides is not None
+            places = (self._sides.moved @ np.concatenate([step, apart]) * part).reshape(-1, 2, 3)
+            moved = {key(spacers[j]): place for j, place in zip(rubs, places, strict=True)}
             spacers = [
                 one.moved(own)
                 for one, own in zip(spacers, part * step[:unknowns].reshape(-1, FREEDOMS), strict=True)
             ]
             for j, change in zip(rubs, part * step[unknowns:].reshape(-1, UNKNOWNS), strict=True):
-                one = spacers[j]
-                self._forces[key(one)] = across(self._forces[key(one)] + change[:3], one.frame[2])
+                at, n = key(spacers[j]), spacers[j].frame[2]
+                self._forces[at] = across(self._forces[at] + change[:3], n)
         return None
+
+    def _balance(self, spacers: Sequence[Spacer], poses: np.ndarray) -> np.ndarray:
+        """(6 r,) what friction on either side lacks of the same force, which becomes that of both."""
+        out = []
+        for one in spacers:
+            if key(one) not in self._forces:
+                continue
+            first, second = (
+                self.cables[i].friction(slot, poses[i, 0])
+                for i, slot in zip(one.cables, one.slots, strict=True)
+            )
+            force = across(0.5 * (first - second), one.frame[2])
+            self._forces[key(one)] = force
+            out += [force - first, -force - second]
+        return np.concatenate(out)
+
+    def _whole_step(
+        self, residual: np.ndarray, apart: np.ndarray, spacers: Sequence[Spacer]
+    ) -> tuple[np.ndarray, float]:
+        """Newton's step by the last tangent, and its size; infinite without one."""
+        if self._inverse is None or self._sides is None or len(self._inverse) != len(residual):
+            return residual, np.inf
+        step = -self._inverse @ (residual + self._sides.tangent @ apart)
+        least = min(one.apart for one in spacers)
+        changes = (self._spread @ step + self._sides.spread @ apart).reshape(-1, 12)
+        told = [cable.size_of(change) for cable, change in zip(self.cables, changes, strict=True)]
+        return step, max(float(np.abs(step[: FREEDOMS * len(spacers)]).max()) / least, WRENCH * max(told))
 
     def _switch(self, rubs: dict[int, Rub], spacers: Sequence[Spacer]) -> bool:
         """Change between stick and slip where the present friction asks for it; whether any did."""
@@ -287,7 +339,8 @@ class RubbingNewton(CrossingNewton):
             return super()._renew(spacers, poses)
         self.iterations += TANGENT
         grips = {j: self._grips[key(spacers[j])] for j in rubs}
-        system = RubbingTangent(self.cables, self._radii, spacers, poses, rubs, grips).whole()
+        whole = RubbingTangent(self.cables, self._radii, spacers, poses, rubs, grips).whole()
+        system, self._sides = whole
         self._of_tangent = [rub.state for rub in rubs.values()]
         try:
             self._inverse, self._spread = np.linalg.inv(system.tangent), system.spread
@@ -295,12 +348,6 @@ class RubbingNewton(CrossingNewton):
         except np.linalg.LinAlgError:
             return False
         return bool(np.isfinite(self._inverse).all())
-
-    def _size(self, step: np.ndarray, spacers: Sequence[Spacer]) -> float:
-        least = min(one.apart for one in spacers)
-        changes = (self._spread @ step).reshape(-1, 12)
-        told = [cable.size_of(change) for cable, change in zip(self.cables, changes, strict=True)]
-        return max(float(np.abs(step[: FREEDOMS * len(spacers)]).max()) / least, WRENCH * max(told))
 
 
 def across(v: np.ndarray, n: np.ndarray) -> np.ndarray:

@@ -17,8 +17,8 @@ from cable_ros.rod.elements import Mesh, lagrange
 LOADS = 6
 """Columns of a load: change of the force, of the couple. The kernel's couple is that of an arm that turns with
 its section; here the change beyond that turn is given."""
-ANSWERS = 9
-"""Rows of a load: rotation of the section that stands at the contact point; displacement and rotation of
+ANSWERS = 12
+"""Rows of a load: displacement and rotation of the section that stands at the contact point; the same of
 another section, which is the one that touched before."""
 BESIDE = -1e-9, 1e-9
 """L; a section between two elements is looked at from both."""
@@ -35,12 +35,14 @@ class DeadLoads(NamedTuple):
     """(k, 3, 3n) derivative of the rotations of the sections there by the nodal rotations."""
     bent: np.ndarray
     """(k, 3, 3n) its derivative by the arc length, the mean of both sides."""
+    moved: np.ndarray
+    """(k, 3, 3n) derivative of their positions."""
     moved_before: np.ndarray
     """(k, 3, 3n) derivative of the positions of the sections that touched before."""
     turned_before: np.ndarray
     """(k, 3, 3n) derivative of their rotations."""
 
-    def moved(self, count: int) -> np.ndarray:
+    def dragged(self, count: int) -> np.ndarray:
         """(count, 3n) what the couples pull at the nodes as their points move along the cable, per L."""
         out = np.zeros((count, self.bent.shape[2]))
         out[self.points] = np.einsum("ia,iaj->ij", self.couples, self.bent)
@@ -57,7 +59,9 @@ class DeadLoads(NamedTuple):
 
     def answers(self, x: np.ndarray, shift: np.ndarray) -> np.ndarray:
         """(ANSWERS k, columns) of nodal rotations x (3n, columns) and motions of the start (3, columns)."""
-        each = [self.turned @ x, self.moved_before @ x + shift, self.turned_before @ x]
+        each = [
+            self.moved @ x + shift, self.turned @ x, self.moved_before @ x + shift, self.turned_before @ x,
+        ]  # fmt: skip
         return np.concatenate(each, axis=1).reshape(-1, x.shape[1])
 
     def _own(self, first: int, columns: int) -> np.ndarray:
@@ -83,12 +87,13 @@ class DeadLoads(NamedTuple):
             arcs, before: (k,) arc lengths of the contact points, and of those that touched before, L.
         """
         q = shape[0]
-        moved, turn = np.empty((2, len(before), 3, 3 * len(q)))
-        displacements(shape, dchord, before, 0.0, np.zeros((0, 0, 3)), moved, turn)
+        both = np.concatenate([arcs, before])
+        moved, turn = np.empty((2, len(both), 3, 3 * len(q)))
+        displacements(shape, dchord, both, 0.0, np.zeros((0, 0, 3)), moved, turn)
         sides = [rotations(mesh, q, np.clip(arcs + s, 0.0, 1.0)) for s in BESIDE]
         return cls(
-            points, couples, rotations(mesh, q, arcs)[0], 0.5 * (sides[0][1] + sides[1][1]), moved,
-            rotations(mesh, q, before)[0],
+            points, couples, rotations(mesh, q, arcs)[0], 0.5 * (sides[0][1] + sides[1][1]),
+            moved[: len(arcs)], moved[len(arcs) :], rotations(mesh, q, before)[0],
         )  # fmt: skip
 
 

@@ -195,7 +195,7 @@ def wrench_response(
     ds[i, at] = share[i]
     W[at] = np.einsum("ia,iaj->ij", normals[i] + share[i, None] * friction[i], turn[i])
     if loads is not None:
-        W[at] += share[i, None] * loads.moved(m)[i]
+        W[at] += share[i, None] * loads.dragged(m)[i]
 
     # the normal turns with all of its force, Coulomb friction so as to stay across it
     forces += pressure[:, None, None] * lean

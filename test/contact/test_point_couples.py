@@ -9,7 +9,17 @@ from nodal_scenes import STIFFNESS
 
 from cable_ros.contact.distance import AXES, DIMENSIONS, OFFSET, SHAPE, SPHERE, WIDTH
 from cable_ros.contact.friction_kernels import FRICTIONLESS
-from cable_ros.contact.points import ARC_LENGTH, ARM, FRICTION, INTERFACE, KIND, SAMPLE
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    ARM,
+    GIVEN,
+    HOLD,
+    INTERFACE,
+    KIND,
+    SAMPLE,
+    SPRING,
+    TARGET,
+)
 from cable_ros.contact.report import positions
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import quaternion
@@ -19,10 +29,11 @@ ARCS = np.array([0.25, 0.4])
 """At a boundary between two elements, and inside one."""
 FORCES = np.array([[3.0, -2.0, 1.0], [-1.0, 4.0, 2.0]])
 ARMS = np.array([[0.02, 0.05, 0.0], [-0.04, 0.01, 0.03]])
+PLACES, STIFFNESSES = np.array([[0.1, 0.0, 0.2], [0.0, -0.1, 0.45]]), np.array([30.0, 0.0])
 
 
 def loaded() -> tuple[TouchingRod, np.ndarray]:
-    """A bent rod with two dead forces at arms, and its nodal frames."""
+    """A bent rod with two forces at arms, the one of them held by a spring, and its nodal frames."""
     rod = TouchingRod(Mesh(reference_element(4), np.full(8, 0.125)), STIFFNESS, None, 1e-3)
     row = np.zeros(WIDTH)
     row[SHAPE], row[AXES:DIMENSIONS], row[OFFSET] = SPHERE, np.eye(3).ravel(), -1e6
@@ -31,21 +42,24 @@ def loaded() -> tuple[TouchingRod, np.ndarray]:
     rod.count = 2
     points = rod.points[:2]
     points[:, KIND], points[:, INTERFACE] = SAMPLE, -1.0
-    points[:, ARC_LENGTH], points[:, FRICTION : FRICTION + 3], points[:, ARM : ARM + 3] = ARCS, FORCES, ARMS
+    points[:, ARC_LENGTH], points[:, HOLD], points[:, ARM : ARM + 3] = 0.7, ARCS, ARMS
+    points[:, GIVEN : GIVEN + 3], points[:, TARGET : TARGET + 3] = FORCES, PLACES
+    points[:, SPRING] = STIFFNESSES
     step = 0.1 * np.random.default_rng(1).normal(size=3 * len(q))
     step[:3] = step[-3:] = 0.0
     return rod, rod.retract(q, step)
 
 
 def potential(rod: TouchingRod, q: np.ndarray) -> float:
-    """Energy of the rod and of the forces."""
+    """Energy of the rod, of the forces and of the spring."""
     energy, _ = rod.value(q)
     rod.trace(q)
     frames = rod.mesh.interpolate(q, ARCS)
     ends = positions(rod.c, rod.h, rod.s0, ARCS) + [
         quaternion.rotate(one, arm) for one, arm in zip(frames, ARMS, strict=True)
     ]
-    return float(energy - (FORCES * ends).sum())
+    springs = 0.5 * STIFFNESSES @ ((PLACES - ends) ** 2).sum(axis=1)
+    return float(energy - (FORCES * ends).sum() + springs)
 
 
 def test_the_potential_has_this_gradient_and_hessian() -> None:
@@ -64,4 +78,8 @@ def test_the_potential_has_this_gradient_and_hessian() -> None:
     assert gradient(q) @ direction == pytest.approx(slope, rel=1e-7)
     change = (gradient(there) - gradient(back)) @ direction / (2 * h)
     gradient(q)
-    assert direction @ rod.apply_hessian(direction) == pytest.approx(change, rel=1e-6)
+    rows = rod.V[3 + rod.count : rod.rows] @ direction  # of the spring, after those of contact
+    assert rod.rows == 3 + rod.count + 3
+    assert rows**2 / rod.delta[3 + rod.count : rod.rows] @ np.ones(3) > 0.0
+    stiffness = direction @ rod.apply_hessian(direction) + rows**2 @ (1.0 / rod.delta[3 + rod.count : rod.rows])
+    assert stiffness == pytest.approx(change, rel=1e-6)
