@@ -145,9 +145,12 @@ def law(rub: Rub, frame: np.ndarray) -> Law:
         return Law(E @ (f - rub.cone * d), E, nothing, -E, nothing, -rub.limit * (E @ d))
     free = motion.friction - rub.stiffness * motion.slip
     trial = rub.trial(n)
-    size = float(np.linalg.norm(trial))
+    size = max(float(np.linalg.norm(trial)), 1e-300)
     d = trial / size
-    across = rub.cone / size * (E - np.outer(E @ d, d))
+    # Newton's method for |t| f = mu N t, of the same root, is more robust; beyond the cone f is cut to it
+    # (Hueeber, Stadler and Wohlmuth 2008)
+    cut = f * min(1.0, rub.cone / max(float(np.linalg.norm(f)), 1e-300))
+    across = (rub.cone * E - np.outer(E @ cut, d)) / size
     return Law(
         E @ (f - rub.cone * d), E, rub.stiffness * across, -across, (n @ free) * across,
         -rub.limit * (E @ d),

@@ -28,7 +28,6 @@ from cable_ros.branch.crossing_newton import (
     EXACT,
     FARTHEST,
     ITERATIONS,
-    MOST_SLOW,
     NOISE,
     ROUNDING,
     SLOW,
@@ -46,11 +45,14 @@ from cable_ros.contact.friction_kernels import STICK
 from cable_ros.linalg.cross import cross
 from cable_ros.scene import Kinematics
 
-MOST_SWITCHES = 6
-"""Maximum number of changes between stick and slip in one step."""
+MOST_SWITCHES, PATIENT = 8, 8
+"""Maximum number of changes between stick and slip in one step, and of steps that a renewed tangent does not
+make much shorter."""
+NEARLY = 0.03
+"""Size of a step from which on stick and slip may change."""
 SPRING = 2e3
 """Stiffness, EI / L^3, of the spring that holds a touching point while Newton's method goes on."""
-FARTHEST_SLIP = 0.25
+FARTHEST_SLIP = 0.5
 """Maximum slip in one step, as a fraction of the distance of the centrelines."""
 FARTHEST_ROLL, FARTHEST_TURN = 0.2, 0.12
 """Maximum angle, rad, by which a cable rolls in one step, and by which the direction of slip turns."""
@@ -185,7 +187,7 @@ class RubbingNewton(CrossingNewton):
             key(one): np.tile(one.centres.mean(axis=0) - before[key(one)], (2, 1))
             for one in spacers if key(one) in self._forces
         }  # fmt: skip
-        for iteration in range(ITERATIONS):
+        for iteration in range(2 * ITERATIONS):
             self.iterations += 1
             self._hold(spacers, moved)
             self._show(kinematics, joints, poses, spacers)
@@ -199,9 +201,13 @@ class RubbingNewton(CrossingNewton):
                 return None
             apart = self._balance(spacers, poses)
             rubs = self._rubs(spacers, poses)
-            switched = iteration > 0 and self._switch(rubs, spacers)
+            begins = [at for at, state in self._states.items() if state == CARRIED]
+            for at in begins:  # one step with the direction of the friction that was too large
+                self._states[at] = SLIPS
+            switched = bool(begins) or (size < NEARLY and self._switch(rubs, spacers))
+            rubs = self._rubs(spacers, poses)
             if switched:
-                switches, size, rubs = switches + 1, np.inf, self._rubs(spacers, poses)
+                switches, size = switches + 1, np.inf
                 if switches > MOST_SWITCHES:
                     return None
             residual = np.concatenate([pressed, *(
@@ -211,14 +217,14 @@ class RubbingNewton(CrossingNewton):
             if self._of_tangent != [rub.state for rub in rubs.values()]:
                 self._inverse = None
             step, new = self._whole_step(residual, apart, spacers)
-            if iteration and new > STALLED * size and new <= max(NOISE * tolerance, ROUNDING):
+            if not switched and new > STALLED * size and new <= max(NOISE * tolerance, ROUNDING):
                 return self._arrived(joints, spacers, rubs)
             if new > SLOW * size or not new <= FARTHEST:
                 if not self._renew(spacers, poses):
                     return None
                 step, new = self._whole_step(residual, apart, spacers)
                 slow += new > STALLED * size and new < FARTHEST
-                if slow > MOST_SLOW or not np.isfinite(new):
+                if slow > PATIENT or not np.isfinite(new):
                     return None
             if new <= EXACT * tolerance and not switched:
                 return self._arrived(joints, spacers, rubs)
@@ -272,7 +278,7 @@ class RubbingNewton(CrossingNewton):
                 slips = float(np.linalg.norm(rub.force)) > (1.0 + EDGE) * rub.cone
                 if slips and rub.state == STAYS:
                     continue
-                to = SLIPS if slips else rub.state
+                to = CARRIED if slips else rub.state
             else:
                 to = SLIPS if size >= (1.0 - EDGE) * rub.cone and trial @ rub.force >= 0.0 else STICKS
             switched = switched or to != rub.state
