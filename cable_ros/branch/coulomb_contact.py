@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coulomb friction where two cables touch: its law, and the equations of spacers with it.
 
-Two sections touch at a point p of their surfaces, at the arms a = -r n and +r' n from their centrelines, r and r'
-the radii, n the normal from the second to the first. Friction f on the first acts there, -f on the second:
-each cable feels a force and the couple a x f. Since the last equilibrium the two points that touched then
-have moved by u over each other. With t = f_then - k u across the normal, f_then turned with the sections and
-k = `friction_kernels.STICK`,
+Two sections touch at a point p of their surfaces, at the arms a = -r n and r' n from their centrelines, with
+the radii r and r' and the normal n from the second to the first. Friction f on the first acts there, -f on
+the second: each cable feels a force and the couple a x f. Since the last equilibrium the two points that
+touched then have moved by u over each other. With t = f_then - k u across the normal, where f_then turns with
+the sections and k is `friction_kernels.STICK`,
 
     f = t  where |t| <= mu N (stick),    f = mu N t / |t|  else (slip).
 
@@ -184,6 +184,7 @@ def assemble_with_friction(
     """
     count, own_size, ends = len(responses), FREEDOMS * len(spacers), 12 * len(responses)
     which = {j: own_size + UNKNOWNS * i for i, j in enumerate(rubs)}
+    order = {j: 6 * i for i, j in enumerate(rubs)}
     size, known = own_size + UNKNOWNS * len(rubs), 12 + 6 * obstacles
     more = 6 * len(rubs)
     tangent, spread = np.zeros((size, size + more)), np.zeros((ends + 6 * obstacles, size + more))
@@ -201,7 +202,7 @@ def assemble_with_friction(
         for b, (a, j) in enumerate(rubbing):
             side, at = _side(own.spacers, a, spacers[j], i), slots + LOADS * b
             inputs[at : at + 3, which[j] : which[j] + 3] = np.eye(3) if side == 0 else -np.eye(3)
-            couple, alone = which[j] + 3 + 3 * side, size + 6 * list(rubs).index(j) + 3 * side
+            couple, alone = which[j] + 3 + 3 * side, size + order[j] + 3 * side
             inputs[at : at + 3, alone : alone + 3] = np.eye(3)
             inputs[at + 3 : at + 6, couple : couple + 3] = np.eye(3)
         by_unknowns, by_motions = response[:, known:] @ inputs, np.zeros((len(response), len(spread)))
@@ -209,14 +210,14 @@ def assemble_with_friction(
         held[rows] += by_motions[:known]
         spread[rows] += by_unknowns[:known]
         for a, j in enumerate(own.spacers):
-            at, to = slice(known + 6 * a, known + 6 * a + 6), slice(FREEDOMS * j, FREEDOMS * j + FREEDOMS)
-            tangent[to] += bases[j].T @ by_unknowns[at]
-            pushed[to] += bases[j].T @ by_motions[at]
+            wrench, motion = known + 6 * a, slice(FREEDOMS * j, FREEDOMS * j + FREEDOMS)
+            tangent[motion] += bases[j].T @ by_unknowns[wrench : wrench + 6]
+            pushed[motion] += bases[j].T @ by_motions[wrench : wrench + 6]
         for b, (a, j) in enumerate(rubbing):
             side = _side(own.spacers, a, spacers[j], i)
             first, force = known + slots + ANSWERS * b, known + 6 * a
             terms = _terms(rubs[j], spacers[j], radii, side)
-            to = 6 * list(rubs).index(j) + 3 * side
+            to = order[j] + 3 * side
             lever = (2.0 * side - 1.0) * radii[i] * spacers[j].frame[2]
             moved[to : to + 3] = by_unknowns[first : first + 3]
             moved[to : to + 3] -= cross_matrix(lever) @ by_unknowns[first + 3 : first + 6]
@@ -239,7 +240,7 @@ def _side(spacers: Sequence[int], a: int, spacer: Spacer, cable: int) -> int:
 
 
 def _terms(rub: Rub, spacer: Spacer, radii: Sequence[float], side: int) -> np.ndarray:
-    """(UNKNOWNS, ANSWERS + 3) of the equations of friction by a cable's answers and its force on the spacer."""
+    """(UNKNOWNS, ANSWERS + 3) of the equations of friction by a cable's answers and its normal force."""
     n, sign = spacer.frame[2], 1.0 - 2.0 * side
     own, out = law(rub, spacer.frame), np.zeros((UNKNOWNS, ANSWERS + 3))
     out[:2, 6:9] = sign * own.by_slip
@@ -271,7 +272,7 @@ def _explicit(
     rows[:2, to] += own.by_normal @ by_motion
     rows[2, at : at + 3] += n
     rows[2, to] += f @ by_motion
-    for side, sign in enumerate((1.0, -1.0)):
+    for side in range(2):
         radius, couple = radii[spacer.cables[side]], slice(3 + 3 * side, 6 + 3 * side)
         rows[couple, at + 3 + 3 * side : at + 6 + 3 * side] += np.eye(3)
         # arm = - sign radius n, force = sign f: the signs cancel in their product

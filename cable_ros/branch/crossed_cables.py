@@ -10,9 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.crossing_balance import CrossedTangent, OneOf
-from cable_ros.branch.crossing_cable import SLOTS, CrossingCable
+from cable_ros.branch.crossing_cable import SLOTS
 from cable_ros.branch.crossing_newton import Pair, overlapping
 from cable_ros.branch.crossing_snap import CrossingSnap
 from cable_ros.branch.shared_piece import Place

@@ -141,7 +141,7 @@ class RubbingCable(CrossingCable):
         normal = float(rod.points[self._first(slot), FORCE]) * self._units.force
         return found._replace(wrench=found.wrench * (normal / max(found.force, 1e-300)))
 
-    def section(self, arc_length: float, start: np.ndarray) -> Section:
+    def section_at(self, arc_length: float, start: np.ndarray) -> Section:
         """The section at an arc length, m, of the present equilibrium; `start` (7,): the start clamp."""
         rod = self._rod
         assert isinstance(rod, ActiveSetRod)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -17,11 +17,11 @@ from cable_ros.branch.crossing_newton import Pair
 from cable_ros.branch.rubbing_cable import RubbingCable
 from cable_ros.branch.rubbing_newton import RubbingNewton
 from cable_ros.contact.crossing import Spacer
-from cable_ros.equilibrium import Equilibrium
+from cable_ros.equilibrium import ContactTable, Equilibrium
 from cable_ros.scene import Kinematics, Scene
 
 FAINT = 0.02
-"""Maximum force of a contact that begins, over the largest force of a clamp: its friction is not known yet."""
+"""Maximum force of a contact that begins, over the largest one of a clamp: its friction is not known yet."""
 BEGINS = 4.0
 """Steps of `SHORTEST` in which contact may begin with any force."""
 ROUGH_ITSELF = "Cable '{}' comes to touch itself, which cannot be combined with friction between cables yet."
@@ -109,9 +109,9 @@ class RubbingCables(RubbingNewton, CrossedCables):
         ]
 
 
-def _with_sliding(read, which: set[int]):  # type: ignore[no-untyped-def]
+def _with_sliding(read: Callable[[], ContactTable | None] | None, which: set[int]) -> ContactTable | None:
     """The contacts of a cable of which these slide, by number of the obstacle."""
-    table = read()
+    table = None if read is None else read()
     return None if table is None else replace(table, sliding=np.isin(table.obstacle, list(which)))
 
 

@@ -23,7 +23,7 @@ from cable_ros.branch.coulomb_contact import (
     key,
     law,
 )
-from cable_ros.branch.crossing_balance import CrossedTangent, System, is_minimum
+from cable_ros.branch.crossing_balance import CrossedTangent, System
 from cable_ros.branch.crossing_newton import (
     EXACT,
     FARTHEST,
@@ -118,6 +118,7 @@ class RubbingNewton(CrossingNewton):
         self._states: dict[Key, int] = {}
         self._of_tangent: list[int] = []  # the states that `_inverse` is of
         self._poses = np.zeros((0, 2, 7))  # of the clamps, in the last attempt
+        self._held = True  # whether friction holds what the springs of Newton's method have held
         self._sides: Sides | None = None  # of the tangent that `_inverse` is of
         for cable in self.cables:
             cable.hold({})
@@ -136,7 +137,7 @@ class RubbingNewton(CrossingNewton):
             for side, (i, slot) in enumerate(zip(one.cables, one.slots, strict=True)):
                 cable, sign = self.cables[i], 1.0 - 2.0 * side
                 arc, arm = cable.touches(slot, cable.start).arc_length, -sign * self._radii[i] * one.frame[2]
-                section = cable.section(arc, cable.start)
+                section = cable.section_at(arc, cable.start)
                 holds[i][slot] = Hold(
                     arc, section.turn.T @ arm, sign * self._forces[key(one)],
                     section.position + arm + moved[key(one)][side], SPRING * cable.stick_unit,
@@ -152,7 +153,7 @@ class RubbingNewton(CrossingNewton):
             if grip is None:
                 continue
             sections = [
-                self.cables[i].section(float(s), poses[i, 0])
+                self.cables[i].section_at(float(s), poses[i, 0])
                 for i, s in zip(one.cables, grip.arcs, strict=True)
             ]
             pressing = float(np.mean([touch.force for touch in self._touches(one, poses)]))
@@ -187,7 +188,7 @@ class RubbingNewton(CrossingNewton):
             key(one): np.tile(one.centres.mean(axis=0) - before[key(one)], (2, 1))
             for one in spacers if key(one) in self._forces
         }  # fmt: skip
-        for iteration in range(2 * ITERATIONS):
+        for _ in range(2 * ITERATIONS):
             self.iterations += 1
             self._hold(spacers, moved)
             self._show(kinematics, joints, poses, spacers)
@@ -317,14 +318,18 @@ class RubbingNewton(CrossingNewton):
             force = across(forces.get(at, np.zeros(3)), n)
             touches = self._touches(one, self._poses)
             sections = [
-                self.cables[i].section(touch.arc_length, self._poses[i, 0])
+                self.cables[i].section_at(touch.arc_length, self._poses[i, 0])
                 for i, touch in zip(one.cables, touches, strict=True)
             ]
             arcs = np.array([touch.arc_length for touch in touches])
             grips[at] = Grip.of(arcs, sections, n, [self._radii[i] for i in one.cables], force)
             state = states.get(at, STICKS)
             if state == STAYS:
-                state = SLIPS if np.linalg.norm(force) > (1.0 - AT_LIMIT) * self.limit * touches[0].force else STICKS
+                state = (
+                    SLIPS
+                    if np.linalg.norm(force) > (1.0 - AT_LIMIT) * self.limit * touches[0].force
+                    else STICKS
+                )
             self._last[at] = force, state
         self._grips = grips
         self._inverse = None  # of other sections
@@ -342,18 +347,42 @@ class RubbingNewton(CrossingNewton):
     def _renew(self, spacers: Sequence[Spacer], poses: np.ndarray) -> bool:
         rubs = self._rubs(spacers, poses)
         if not rubs:
+            self._held = True
             return super()._renew(spacers, poses)
         self.iterations += TANGENT
         grips = {j: self._grips[key(spacers[j])] for j in rubs}
         whole = RubbingTangent(self.cables, self._radii, spacers, poses, rubs, grips).whole()
         system, self._sides = whole
         self._of_tangent = [rub.state for rub in rubs.values()]
+        self._held = all(self._holds(rub, spacers[j], i) for i, (j, rub) in enumerate(rubs.items()))
         try:
             self._inverse, self._spread = np.linalg.inv(system.tangent), system.spread
             self._modes = condensed(system, FREEDOMS * len(spacers)).modes()
         except np.linalg.LinAlgError:
             return False
         return bool(np.isfinite(self._inverse).all())
+
+    def _holds(self, rub: Rub, spacer: Spacer, number: int) -> bool:
+        """Whether two cables that stick, or slip, are stable where they are held only by each other.
+
+        Either is a minimum of its energy where a spring holds it. Without it they give way across the normal
+        to a force on each, by the compliances C: the sum of their inverses must be positive definite where
+        they move together, and both along the slip where they slip. `number` of the friction among all.
+        """
+        assert self._sides is not None
+        E, at = spacer.frame[:2], len(self._sides.moved[0]) - len(self._sides.moved) + 6 * number
+        C = [
+            E @ self._sides.moved[6 * number + k : 6 * number + k + 3, at + k : at + k + 3] @ E.T
+            for k in (0, 3)
+        ]
+        if rub.state in (SLIPS, CARRIED):
+            d = E @ rub.force
+            return all(float(d @ one @ d) > 0.0 for one in C)
+        stiffness = np.linalg.inv(C[0]) + np.linalg.inv(C[1])
+        return bool(np.linalg.eigvalsh(stiffness + stiffness.T)[0] > 0.0)
+
+    def _stable(self, poses: np.ndarray, spacers: Sequence[Spacer]) -> bool:
+        return super()._stable(poses, spacers) and self._held
 
 
 def across(v: np.ndarray, n: np.ndarray) -> np.ndarray:

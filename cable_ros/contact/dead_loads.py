@@ -11,12 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_ros.contact.points import ARC_LENGTH, ARM, FRICTION, OBSTACLE
 from cable_ros.contact.response_kernels import displacements
+from cable_ros.linalg.cross import cross
+from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, lagrange
 
 LOADS = 6
-"""Columns of a load: change of the force, of the couple. The kernel's couple is that of an arm that turns with
-its section; here the change beyond that turn is given."""
+"""Columns of a load: change of the force, and of the couple beyond what the turn of its section changes."""
 ANSWERS = 12
 """Rows of a load: displacement and rotation of the section that stands at the contact point; the same of
 another section, which is the one that touched before."""
@@ -75,24 +77,30 @@ class DeadLoads(NamedTuple):
     @classmethod
     def of(
         cls, mesh: Mesh, shape: tuple[np.ndarray, ...], dchord: np.ndarray, points: np.ndarray,
-        arcs: np.ndarray, before: np.ndarray, couples: np.ndarray,
+        obstacles: np.ndarray, before: np.ndarray,
     ) -> DeadLoads:  # fmt: skip
-        """Of contact points at arc lengths.
+        """Of the contact points on some obstacles.
 
         Args:
             mesh: of the rod.
             shape: of `contact_state.Shape`.
             dchord: of `rod_state.Tangents`.
-            points, couples: as the fields.
-            arcs, before: (k,) arc lengths of the contact points, and of those that touched before, L.
+            points: (m, COLUMNS) of `contact.points`.
+            obstacles: (k,) their numbers.
+            before: (k,) arc lengths of the sections that touched them before, L.
         """
         q = shape[0]
-        both = np.concatenate([arcs, before])
+        which = np.array([int(np.flatnonzero(points[:, OBSTACLE] == one)[0]) for one in obstacles], int)
+        arcs, both = points[which, ARC_LENGTH], np.concatenate([points[which, ARC_LENGTH], before])
+        couples = np.empty((len(which), 3))
+        for frame, i, couple in zip(mesh.interpolate(q, arcs), which, couples, strict=True):
+            arm = quaternion.rotate(frame, points[i, ARM : ARM + 3])
+            couple[:] = cross(arm, points[i, FRICTION : FRICTION + 3])
         moved, turn = np.empty((2, len(both), 3, 3 * len(q)))
         displacements(shape, dchord, both, 0.0, np.zeros((0, 0, 3)), moved, turn)
         sides = [rotations(mesh, q, np.clip(arcs + s, 0.0, 1.0)) for s in BESIDE]
         return cls(
-            points, couples, rotations(mesh, q, arcs)[0], 0.5 * (sides[0][1] + sides[1][1]),
+            which, couples, rotations(mesh, q, arcs)[0], 0.5 * (sides[0][1] + sides[1][1]),
             moved[: len(arcs)], moved[len(arcs) :], rotations(mesh, q, before)[0],
         )  # fmt: skip
 

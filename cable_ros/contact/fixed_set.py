@@ -338,23 +338,15 @@ class FixedSetRod(Rod):
             arc_lengths=points[:, ARC_LENGTH].copy(), obstacles=which, pressure=pressure,
             friction=points[:, FRICTION : FRICTION + 3], at_minimum=kind == POINT, lifts_off=kind >= FIRST,
             sticks=rough & (points[:, SLIPS] == 0.0) & (self.model == COULOMB), across=self.model == SLIDING,
-            give=1.0 / STICK, given=points[:, ARM : ARM + 3].any(axis=1),
+            give=1.0 / STICK, given=np.asarray(points[:, ARM : ARM + 3].any(axis=1)),
         )  # fmt: skip
         clamps = self.qe, F, F + self.f + self.contact_force(), self.g
         loads = None
         if given is not None:
-            at = np.array([int(np.flatnonzero(which == one)[0]) for one in given[0]], int)
-            arcs, arms = points[at, ARC_LENGTH], points[at, ARM : ARM + 3]
-            turned = [
-                quaternion.rotate(one, arm)
-                for one, arm in zip(self.mesh.interpolate(q, arcs), arms, strict=True)
-            ]
-            couples = np.cross(np.array(turned).reshape(-1, 3), points[at, FRICTION : FRICTION + 3])
-            loads = DeadLoads.of(
-                self.mesh, self.shape(q), self.saddle[1][2], at, arcs, given[1], couples
-            )  # fmt: skip
+            loads = DeadLoads.of(self.mesh, self.shape(q), self.saddle[1][2], points, *given)
+        compliance, G = self.strain[:2]
         return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving,
-                               *self.strain[:2], loads)  # fmt: skip
+                               compliance, G, loads)  # fmt: skip
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """As `Rod.wrench_error`, with the contact forces as loads and the constraint rows of the contacts."""

@@ -2,9 +2,9 @@
 """Compiled: a force at a rigid arm from a cable's centreline, and a spring that holds its end.
 
 The arm is fixed in a section. A force P at its end x = r + R arm has the potential -P.x: beside the force at
-the centreline there is the couple (R arm) x P, about the tangent, too. With a spring P = given + K (place - x).
-The section is that at the arc length HOLD, which does not go with the contact point. Units of the cable,
-start clamp's frame.
+the centreline there is the couple (R arm) x P, about the tangent, too. With a spring it is P = given + K
+(place - x). The section is that at the arc length HOLD, which does not go with the contact point. Units of
+the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def has_arm(points, i):
 
 @njit(**INNER)
 def arm_turn(arm, turn):
-    """Length of an arm (3,), and `turn` (4, 4): from a quaternion to that times one that turns z to the arm."""
+    """Length of an arm (3,); `turn` (4, 4) receives the product with a quaternion that turns z to the arm."""
     size = np.sqrt(arm[0] ** 2 + arm[1] ** 2 + arm[2] ** 2)
     a, b, c = size + arm[2], -arm[1], arm[0]
     norm = 1.0 / np.sqrt(a * a + b * b + c * c)
@@ -135,7 +135,7 @@ def hold_points(shape, points, count, Fe, acc):
 
 @njit(**LEAF)
 def add_bend(H, D, at, geometric):
-    """Add D^T H D, of H (4, 4) and D (4, b), to the geometric stiffness (3n, band + 1) from unknown `at` on."""
+    """Add D^T H D, H (4, 4) and D (4, b), to the geometric stiffness (3n, band + 1) from unknown `at` on."""
     nd, band = D.shape[1], geometric.shape[1] - 1
     for m in range(nd):
         y0 = H[0, 0] * D[0, m] + H[0, 1] * D[1, m] + H[0, 2] * D[2, m] + H[0, 3] * D[3, m]
@@ -201,7 +201,9 @@ def hold_rows(shape, points, count, tangents, rows, total, gaps):
             for b in range(4):
                 turned[a] += turn[a, b] * qs[b]
             for j in range(nd):
-                T[a, j] = turn[a, 0] * D[0, j] + turn[a, 1] * D[1, j] + turn[a, 2] * D[2, j] + turn[a, 3] * D[3, j]
+                T[a, j] = (
+                    turn[a, 0] * D[0, j] + turn[a, 1] * D[1, j] + turn[a, 2] * D[2, j] + turn[a, 3] * D[3, j]
+                )
         norm = tangent(turned, t)
         tangent_derivative(turned, t, 2.0 * size / norm, T, own, 0, nd)
         for a in range(3):

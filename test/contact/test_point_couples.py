@@ -81,5 +81,7 @@ def test_the_potential_has_this_gradient_and_hessian() -> None:
     rows = rod.V[3 + rod.count : rod.rows] @ direction  # of the spring, after those of contact
     assert rod.rows == 3 + rod.count + 3
     assert rows**2 / rod.delta[3 + rod.count : rod.rows] @ np.ones(3) > 0.0
-    stiffness = direction @ rod.apply_hessian(direction) + rows**2 @ (1.0 / rod.delta[3 + rod.count : rod.rows])
+    stiffness = direction @ rod.apply_hessian(direction) + rows**2 @ (
+        1.0 / rod.delta[3 + rod.count : rod.rows]
+    )
     assert stiffness == pytest.approx(change, rel=1e-6)
