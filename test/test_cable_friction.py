@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cables that touch each other with friction: against shooting along a path, tangents, invariances, memory."""
+"""Cables that touch each other with friction: against shooting a path, tangents, invariances."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def stored() -> tuple[float, list[float], list[Touch]]:
 
 
 def test_agrees_with_shooting_there_and_back() -> None:
-    """Both go in steps, ours in shorter ones where contact begins: what they differ by is the steps' error."""
+    """Ours goes in shorter steps where contact begins or much slips: they differ by the steps' error."""
     limit, lifts, states = stored()
     assert {one.slips for one in states[1:]} == {True, False}
     model = tracker(limit, 1e-7)

@@ -166,6 +166,8 @@ class Sides(NamedTuple):
     """(12 n + 6 o, 6 r) derivative of the wrenches."""
     moved: np.ndarray
     """(6 r, size + 6 r) derivative of the places where either cable touches by the unknowns and these."""
+    carried: np.ndarray
+    """(6 r, 12 n + 6 o) the same by motions of the clamps and obstacles."""
 
 
 def assemble_with_friction(
@@ -188,7 +190,7 @@ def assemble_with_friction(
     size, known = own_size + UNKNOWNS * len(rubs), 12 + 6 * obstacles
     more = 6 * len(rubs)
     tangent, spread = np.zeros((size, size + more)), np.zeros((ends + 6 * obstacles, size + more))
-    moved = np.zeros((more, size + more))
+    moved, carried = np.zeros((more, size + more)), np.zeros((more, len(spread)))
     pushed, held = np.zeros((size, len(spread))), np.zeros((len(spread),) * 2)
     bases = [spacer.basis() for spacer in spacers]
     for i, (own, response) in enumerate(zip(touching(spacers, count), responses, strict=True)):
@@ -203,7 +205,9 @@ def assemble_with_friction(
             side, at = _side(own.spacers, a, spacers[j], i), slots + LOADS * b
             inputs[at : at + 3, which[j] : which[j] + 3] = np.eye(3) if side == 0 else -np.eye(3)
             couple, alone = which[j] + 3 + 3 * side, size + order[j] + 3 * side
+            lever = (2.0 * side - 1.0) * radii[i] * spacers[j].frame[2]
             inputs[at : at + 3, alone : alone + 3] = np.eye(3)
+            inputs[at + 3 : at + 6, alone : alone + 3] = cross_matrix(lever)
             inputs[at + 3 : at + 6, couple : couple + 3] = np.eye(3)
         by_unknowns, by_motions = response[:, known:] @ inputs, np.zeros((len(response), len(spread)))
         by_motions[:, rows] = response[:, :known]
@@ -219,8 +223,8 @@ def assemble_with_friction(
             terms = _terms(rubs[j], spacers[j], radii, side)
             to = order[j] + 3 * side
             lever = (2.0 * side - 1.0) * radii[i] * spacers[j].frame[2]
-            moved[to : to + 3] = by_unknowns[first : first + 3]
-            moved[to : to + 3] -= cross_matrix(lever) @ by_unknowns[first + 3 : first + 6]
+            for out, by in ((moved, by_unknowns), (carried, by_motions)):
+                out[to : to + 3] = by[first : first + 3] - cross_matrix(lever) @ by[first + 3 : first + 6]
             for out, by in ((tangent, by_unknowns), (pushed, by_motions)):
                 out[which[j] : which[j] + UNKNOWNS] += (
                     terms[:, :ANSWERS] @ by[first : first + ANSWERS]
@@ -229,7 +233,7 @@ def assemble_with_friction(
     for j, at in which.items():
         _explicit(rubs[j], spacers[j], radii, tangent[at : at + UNKNOWNS], FREEDOMS * j, at)
     whole = System(tangent[:, :size], spread[:, :size], pushed, held)
-    return whole, Sides(tangent[:, size:], spread[:, size:], moved)
+    return whole, Sides(tangent[:, size:], spread[:, size:], moved, carried)
 
 
 def _side(spacers: Sequence[int], a: int, spacer: Spacer, cable: int) -> int:

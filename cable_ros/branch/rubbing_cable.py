@@ -60,24 +60,24 @@ class Section(NamedTuple):
 class RubbingCable(CrossingCable):
     """One cable whose contacts in slots may carry friction, which its group gives."""
 
-    start: np.ndarray
-    """(7,) the start clamp of the present equilibrium, world."""
+    clamps: np.ndarray
+    """(2, 7) of the present equilibrium, world."""
 
     def reset(self) -> None:
         super().reset()
         self._holds: dict[int, Hold] = {}
 
     def find(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> Equilibrium:
-        self.start = place.poses[0]
+        self.clamps = place.poses
         return super().find(kinematics, joints, place)
 
     def remember(self) -> Remembered:
-        return super().remember()._replace(start=self.start)
+        return super().remember()._replace(clamps=self.clamps)
 
     def recall(self, known: Remembered) -> None:
         super().recall(known)
-        assert known.start is not None
-        self.start = known.start
+        assert known.clamps is not None
+        self.clamps = known.clamps
 
     def hold(self, holds: dict[int, Hold]) -> None:
         """Rub so, by slot, from the next attempt on; a slot that is left out has no friction."""
@@ -90,8 +90,17 @@ class RubbingCable(CrossingCable):
         if found and self._load(place.poses[0]):
             found = super().attempt(kinematics, joints, place)
         if found:
-            self.start = place.poses[0]
+            self.clamps = place.poses
         return found
+
+    @property
+    def start(self) -> np.ndarray:
+        """(7,) the start clamp of the present equilibrium, world."""
+        return self.clamps[0]
+
+    def at(self, known: Remembered) -> bool:
+        """Whether the present equilibrium is this one."""
+        return self._q is known.kept.q
 
     def _load(self, start: np.ndarray) -> bool:
         """Give the contact points their friction; whether some had another. `start` (7,): the start clamp."""

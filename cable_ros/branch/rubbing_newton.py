@@ -30,6 +30,7 @@ from cable_ros.branch.crossing_newton import (
     ITERATIONS,
     NOISE,
     ROUNDING,
+    SHORTER,
     SLOW,
     STALLED,
     TANGENT,
@@ -39,10 +40,11 @@ from cable_ros.branch.crossing_newton import (
 )
 from cable_ros.branch.rubbing_cable import Hold, RubbingCable, loaded_response
 from cable_ros.branch.shared_piece import Place
-from cable_ros.contact.crossing import FREEDOMS, Spacer
+from cable_ros.contact.crossing import FREEDOMS, UNSTABLE, Spacer
 from cable_ros.contact.friction_kernels import ROUNDING as EDGE
 from cable_ros.contact.friction_kernels import STICK
 from cable_ros.linalg.cross import cross
+from cable_ros.rod import quaternion
 from cable_ros.scene import Kinematics
 
 MOST_SWITCHES, PATIENT = 8, 8
@@ -54,8 +56,9 @@ SPRING = 2e3
 """Stiffness, EI / L^3, of the spring that holds a touching point while Newton's method goes on."""
 FARTHEST_SLIP = 0.5
 """Maximum slip in one step, as a fraction of the distance of the centrelines."""
-FARTHEST_ROLL, FARTHEST_TURN = 0.2, 0.12
-"""Maximum angle, rad, by which a cable rolls in one step, and by which the direction of slip turns."""
+FARTHEST_ROLL, FARTHEST_TURN, FAINT = 0.2, 0.12, 0.05
+"""Maximum angle, rad, by which a cable rolls in one step, and by which the direction of slip turns; what
+friction is less than this fraction of the force on a clamp may turn further."""
 FRICTION_LEAST = 2e-4
 """Step, rad or m, that is never too far."""
 AT_LIMIT = 1e-4
@@ -118,7 +121,8 @@ class RubbingNewton(CrossingNewton):
         self._states: dict[Key, int] = {}
         self._of_tangent: list[int] = []  # the states that `_inverse` is of
         self._poses = np.zeros((0, 2, 7))  # of the clamps, in the last attempt
-        self._held = True  # whether friction holds what the springs of Newton's method have held
+        self._given = 0  # see `_given_way`, of the last tangent
+        self._pushes = np.zeros((0, 0))
         self._sides: Sides | None = None  # of the tangent that `_inverse` is of
         for cable in self.cables:
             cable.hold({})
@@ -182,12 +186,16 @@ class RubbingNewton(CrossingNewton):
     ) -> list[Spacer] | None:
         """As `CrossingNewton._newton`, with friction as unknowns."""
         spacers, tolerance, unknowns = list(guess), self.cables[0].asked, FREEDOMS * len(guess)
-        size, slow, switches = np.inf, 0, 0
-        before = {key(one): one.centres.mean(axis=0) for one in self.spacers}
+        size, slow, switches, shorter = np.inf, 0, 0, SHORTER  # no step can be made shorter yet
+        before, each, changes, known = spacers, np.zeros(0), np.zeros(0), dict(self._forces)
+        then = {key(one): one.centres.mean(axis=0) for one in self.spacers}
         moved = {
-            key(one): np.tile(one.centres.mean(axis=0) - before[key(one)], (2, 1))
+            key(one): np.tile(one.centres.mean(axis=0) - then[key(one)], (2, 1))
             for one in spacers if key(one) in self._forces
         }  # fmt: skip
+        predicted = self._predicted(poses, spacers, dict(self._states))
+        if predicted is not None:
+            spacers, moved = predicted
         for _ in range(2 * ITERATIONS):
             self.iterations += 1
             self._hold(spacers, moved)
@@ -198,6 +206,11 @@ class RubbingNewton(CrossingNewton):
                 if not np.isfinite(cable.end_force).all():
                     return None
             pressed = self._residual(spacers, poses)
+            if pressed is None and self.loose and shorter < SHORTER:
+                # a step may end beside the contact
+                shorter, size, each, changes = shorter + 1, np.inf, 0.5 * each, 0.5 * changes
+                spacers = self._moved(before, each, known, changes)
+                continue
             if pressed is None:
                 return None
             apart = self._balance(spacers, poses)
@@ -233,14 +246,20 @@ class RubbingNewton(CrossingNewton):
             assert self._sides is not None
             places = (self._sides.moved @ np.concatenate([step, apart]) * part).reshape(-1, 2, 3)
             moved = {key(spacers[j]): place for j, place in zip(rubs, places, strict=True)}
-            spacers = [
-                one.moved(own)
-                for one, own in zip(spacers, part * step[:unknowns].reshape(-1, FREEDOMS), strict=True)
-            ]
-            for j, change in zip(rubs, part * step[unknowns:].reshape(-1, UNKNOWNS), strict=True):
-                at, n = key(spacers[j]), spacers[j].frame[2]
-                self._forces[at] = across(self._forces[at] + change[:3], n)
+            before, each, shorter = spacers, part * step[:unknowns].reshape(-1, FREEDOMS), 0
+            known, changes = dict(self._forces), part * step[unknowns:].reshape(-1, UNKNOWNS)[:, :3]
+            spacers = self._moved(before, each, known, changes)
         return None
+
+    def _moved(
+        self, spacers: Sequence[Spacer], each: np.ndarray, forces: dict[Key, np.ndarray], changes: np.ndarray
+    ) -> list[Spacer]:
+        """The spacers after steps (k, FREEDOMS), with these forces after changes (r, 3)."""
+        out = [one.moved(own) for one, own in zip(spacers, each, strict=True)]
+        rubbing = [one for one in out if key(one) in forces]
+        for one, change in zip(rubbing, changes, strict=True):
+            self._forces[key(one)] = across(forces[key(one)] + change, one.frame[2])
+        return out
 
     def _balance(self, spacers: Sequence[Spacer], poses: np.ndarray) -> np.ndarray:
         """(6 r,) what friction on either side lacks of the same force, which becomes that of both."""
@@ -304,8 +323,9 @@ class RubbingNewton(CrossingNewton):
                     return None
             if slipped and before[1] == SLIPS:
                 then = across(rub.motion.friction, n)
-                turn = cross(then, rub.force) @ n
-                if abs(float(turn)) > FARTHEST_TURN * float(np.linalg.norm(then) * np.linalg.norm(rub.force)):
+                turned = abs(float(cross(then, rub.force) @ n)) / max(float(np.linalg.norm(then)), 1e-300)
+                pull = max(self.cables[i].pull for i in one.cables)
+                if turned > FARTHEST_TURN * max(rub.cone, FAINT * pull):
                     return None
         return spacers
 
@@ -347,42 +367,104 @@ class RubbingNewton(CrossingNewton):
     def _renew(self, spacers: Sequence[Spacer], poses: np.ndarray) -> bool:
         rubs = self._rubs(spacers, poses)
         if not rubs:
-            self._held = True
+            self._given = 0
             return super()._renew(spacers, poses)
         self.iterations += TANGENT
         grips = {j: self._grips[key(spacers[j])] for j in rubs}
         whole = RubbingTangent(self.cables, self._radii, spacers, poses, rubs, grips).whole()
         system, self._sides = whole
+        self._pushes = system.pushed
         self._of_tangent = [rub.state for rub in rubs.values()]
-        self._held = all(self._holds(rub, spacers[j], i) for i, (j, rub) in enumerate(rubs.items()))
         try:
+            self._given = self._given_way(rubs, spacers)
             self._inverse, self._spread = np.linalg.inv(system.tangent), system.spread
             self._modes = condensed(system, FREEDOMS * len(spacers)).modes()
         except np.linalg.LinAlgError:
             return False
         return bool(np.isfinite(self._inverse).all())
 
-    def _holds(self, rub: Rub, spacer: Spacer, number: int) -> bool:
-        """Whether two cables that stick, or slip, are stable where they are held only by each other.
+    def _given_way(self, rubs: dict[int, Rub], spacers: Sequence[Spacer]) -> int:
+        """Number of directions in which the touching points are not at a minimum, spacers at rest.
 
-        Either is a minimum of its energy where a spring holds it. Without it they give way across the normal
-        to a force on each, by the compliances C: the sum of their inverses must be positive definite where
-        they move together, and both along the slip where they slip. `number` of the friction among all.
+        Each cable is at one where a spring holds it. Without it, the points give way to forces across the
+        normals by the compliances C; those that stick move together, and slip resists a turn of its
+        direction.
         """
         assert self._sides is not None
-        E, at = spacer.frame[:2], len(self._sides.moved[0]) - len(self._sides.moved) + 6 * number
-        C = [
-            E @ self._sides.moved[6 * number + k : 6 * number + k + 3, at + k : at + k + 3] @ E.T
-            for k in (0, 3)
-        ]
-        if rub.state in (SLIPS, CARRIED):
-            d = E @ rub.force
-            return all(float(d @ one @ d) > 0.0 for one in C)
-        stiffness = np.linalg.inv(C[0]) + np.linalg.inv(C[1])
-        return bool(np.linalg.eigvalsh(stiffness + stiffness.T)[0] > 0.0)
+        size = len(self._sides.moved)
+        E = np.zeros((4 * len(rubs), size))
+        turning, together = np.zeros((len(E), len(E))), []
+        for i, (j, rub) in enumerate(rubs.items()):
+            frame, at, free = spacers[j].frame[:2], 4 * i, np.zeros((len(E), 4))
+            E[at : at + 2, 6 * i : 6 * i + 3] = E[at + 2 : at + 4, 6 * i + 3 : 6 * i + 6] = frame
+            free[at : at + 4] = np.eye(4)
+            if rub.state in (STICKS, STAYS):
+                free = free[:, :2] + free[:, 2:]
+            else:
+                d = frame @ rub.force / max(float(np.linalg.norm(rub.force)), 1e-300)
+                slip = max(float(np.linalg.norm(rub.motion.slip)), rub.cone / rub.stiffness, 1e-300)
+                side = np.array([-d[1], d[0]])
+                apart = np.concatenate([side, -side])
+                turning[at : at + 4, at : at + 4] = rub.cone / slip * np.outer(apart, apart)
+            together.append(free)
+        C = E @ self._sides.moved[:, -size:] @ E.T
+        free = np.hstack(together)
+        stiffness = free.T @ (np.linalg.inv(0.5 * (C + C.T)) + turning) @ free
+        return int((np.linalg.eigvalsh(stiffness) < 0.0).sum())
 
-    def _stable(self, poses: np.ndarray, spacers: Sequence[Spacer]) -> bool:
-        return super()._stable(poses, spacers) and self._held
+    def _is_minimum(self, values: np.ndarray) -> bool:
+        unstable = UNSTABLE * (len(values) // FREEDOMS)
+        return int((values > 0.0).sum()) + self._given == unstable
+
+    def _predicted(
+        self, poses: np.ndarray, spacers: list[Spacer], states: dict[Key, int]
+    ) -> tuple[list[Spacer], dict[Key, np.ndarray]] | None:
+        """Spacers and how far the points go with the clamps from the last equilibrium, by its tangent.
+
+        The friction changes, too. None: the cables are elsewhere, or there is no tangent.
+        """
+        there = all(cable.at(known) for cable, known in zip(self.cables, self._kept, strict=True))
+        same = [key(one) for one in spacers] == [key(one) for one in self.spacers]
+        if not there or not same:
+            return None
+        now = np.stack([cable.clamps for cable in self.cables])
+        motions = np.concatenate([motion(a, b) for a, b in zip(now, poses, strict=True)])
+        unknowns, rubbing = FREEDOMS * len(spacers), [key(one) for one in self.spacers if key(one) in states]
+        for _ in range(2):
+            self._states = {at: CARRIED if state == SLIPS else STICKS for at, state in states.items()}
+            found = self._renew(self.spacers, now)
+            if not found or self._inverse is None or self._sides is None:
+                self._states = states
+                return None
+            step = -self._inverse @ (self._pushes @ motions)
+            moved = self._sides.moved[:, : len(step)] @ step + self._sides.carried @ motions
+            places = dict(zip(rubbing, moved.reshape(-1, 2, 3), strict=True))
+            turned = [
+                at for at, (first, second) in places.items()
+                if states[at] == SLIPS and self._forces[at] @ (first - second) > 0.0
+            ]  # fmt: skip
+            if not turned:
+                break
+            states = states | dict.fromkeys(turned, STICKS)  # what would slip along its friction turns back
+        self._states = states
+        least = min(one.apart for one in spacers)
+        part = min(1.0, FARTHEST * least / max(float(np.abs(step[:unknowns]).max()), 1e-300))
+        step = part * step
+        changes = step[unknowns:].reshape(-1, UNKNOWNS)[:, :3]
+        out = self._moved(self.spacers, step[:unknowns].reshape(-1, FREEDOMS), dict(self._forces), changes)
+        self._inverse = None
+        return out, {at: part * place for at, place in places.items()}
+
+
+def motion(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """(12,) of two clamps from poses (2, 7) to others: along their own axes, and rotation about these."""
+    out = []
+    for a, b in zip(before, after, strict=True):
+        turn = quaternion.multiply(
+            quaternion.conjugate(quaternion.from_ros(a[3:])), quaternion.from_ros(b[3:])
+        )
+        out += [quaternion.matrix_from_ros(a[3:]).T @ (b[:3] - a[:3]), quaternion.rotation_vector(turn)]
+    return np.concatenate(out)
 
 
 def across(v: np.ndarray, n: np.ndarray) -> np.ndarray:
