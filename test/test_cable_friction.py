@@ -89,7 +89,7 @@ def test_agrees_with_shooting_there_and_back() -> None:
         (one,), (other,) = found["below"].contacts, found["above"].contacts
         if exact.normal_force > 0.02:
             assert one.sliding == exact.slips, lift
-            assert np.linalg.norm(one.force - exact.x[12:15]) < 1e-3 * exact.normal_force
+            assert np.linalg.norm(one.force - exact.x[12:15]) < 3e-3 * exact.normal_force
         assert np.abs([one.arc_length, other.arc_length] - exact.arcs).max() < 1e-4
         for name, end in zip(("below", "above"), exact.ends, strict=True):
             for part in (slice(0, 3), slice(3, 6)):
@@ -166,11 +166,11 @@ def test_tangent_is_the_derivative(state: int, limit: float) -> None:
     tangent, numeric = probe.tangent(), np.empty((8, 8))
     for k in range(8):
         step = np.zeros(8)
-        step[k] = 6e-7 if k < FREEDOMS else 2e-5
-        there, back = (
-            probe.residual(sign * step[:FREEDOMS], probe.force + sign * step[FREEDOMS:]) for sign in (1, -1)
+        step[k] = 6e-7 if k < FREEDOMS else 4e-5
+        twice_back, back, there, twice_there = (
+            probe.residual(n * step[:FREEDOMS], probe.force + n * step[FREEDOMS:]) for n in (-2, -1, 1, 2)
         )
-        numeric[:, k] = (there - back) / (2.0 * step[k])
+        numeric[:, k] = (8.0 * (there - back) - twice_there + twice_back) / (12.0 * step[k])
     scale = np.abs(numeric).max(axis=1)[:, None]
     # the points that touched are read off between nodes of a mesh that moves with the contact
     near = np.array([1e-5] * 5 + [2e-4] * 2 + [1e-6])[:, None]
@@ -186,14 +186,14 @@ def test_does_not_depend_on_the_point_of_view() -> None:
     base = walk(tracker(0.15), LIFTS)[-1]
     assert abs(np.linalg.norm(base["below"].contacts[0].force)) > 0.05
     turn, shift = Rotation.from_euler("z", 0.7), np.array([0.3, -0.2, 0.1])
-    for cables in (
-        [ABOVE, BELOW], [BELOW, backwards(ABOVE)], [transformed(one, turn, shift) for one in (BELOW, ABOVE)],
+    moved = [transformed(one, turn, shift) for one in (BELOW, ABOVE)]
+    for cables, same in (
+        ([ABOVE, BELOW], True), ([BELOW, backwards(ABOVE)], False), (moved, True),
     ):  # fmt: skip
         found = walk(tracker(0.15, cables=cables), LIFTS)[-1]
-        for name in ("below", "above"):
+        for name in ("below", "above") if same else ("below",):
             scale = np.linalg.norm(base[name].end_wrench)
-            if cables[1].get("end") == ABOVE["end"] or name == "below":
-                np.testing.assert_allclose(found[name].end_wrench, base[name].end_wrench, atol=1e-4 * scale)
+            np.testing.assert_allclose(found[name].end_wrench, base[name].end_wrench, atol=1e-4 * scale)
 
 
 def test_mirror_image() -> None:

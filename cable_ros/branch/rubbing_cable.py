@@ -118,6 +118,7 @@ class RubbingCable(CrossingCable):
                 own[TARGET - ARM : SPRING - ARM] = (given.place - start[:3]) @ turn / unit.length
                 own[SPRING - ARM] = given.stiffness * unit.length / unit.force
             changed = changed or bool((row[ARM:] != own).any())
+            rod.ready = rod.ready and bool(row[SPRING] == own[SPRING - ARM])  # other rows of its system
             row[ARM:] = own
             if given is None:
                 row[FRICTION:BEFORE] = 0.0
