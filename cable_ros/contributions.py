@@ -126,8 +126,9 @@ def _variants(scene: Scene, present: Sequence[tuple[str, ...]]) -> dict[str, lis
             continue
         else:
             names = union | {name}
-        if {"contact", "shear"} <= names or {"contact", "friction", "stretch"} <= names:
-            continue  # not together yet
+        slides = scene.friction_model == "sliding" and {"contact", "friction", "stretch"} <= names
+        if {"contact", "shear"} <= names or slides:
+            continue  # not together
         out[name] = sorted(names)
     return out
 

@@ -314,8 +314,10 @@ class Equilibrium:
         motions in which what sticks goes on sticking, carried by its obstacle, and what slips slips on the
         same way over its obstacle, with mu times the changing normal force. A motion that turns back, or
         aside, is answered otherwise where something slips. Friction of the model `sliding` follows the
-        tangent, the normal and the normal force, and does not turn round. NaN without a result, and where the
-        equations are singular.
+        tangent, the normal and the normal force, and does not turn round. NaN without a result, where the
+        equations are singular, and of a cable that stretches where it presses on what has friction: there the
+        answer to one direction is not that to the other. (On a grid of contacts, which do not move along the
+        cable, it is.)
         """
         size = 12 + 6 * len(obstacles)
         if self._tangent is None:

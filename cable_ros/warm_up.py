@@ -101,6 +101,8 @@ def warm_up(tracker: Tracker) -> None:
         rehearse_contact()
         if any(cable.axial_stiffness is not None for cable in tracker.scene.cables):
             _solve(Tracker(load_scene(_PULLED)), {})
+            if any(obstacle.friction for obstacle in tracker.scene.obstacles):
+                _rehearse_drawn({"axial_stiffness": 1e4})
     give_back()  # the scenes of our own and what was read to load code are a quarter of a node's memory
 
 
@@ -116,13 +118,20 @@ def rehearse_all() -> None:
     _rehearse_arm("space_arm.yaml", (0.0, 0.5))
     _solve(Tracker(load_scene(_PULLED)), {})
     rehearse_contact()
+    _rehearse_drawn({"axial_stiffness": 1e4})
 
 
 def rehearse_contact() -> None:
     """Get the code of contact: a robot shall not wait for it at the first touch."""
     _rehearse_arm("space_arm_sphere.yaml", (30.0, 44.0, 45.0, 75.0, 30.0))
+    _rehearse_drawn({})
+
+
+def _rehearse_drawn(fields: dict[str, Any]) -> None:
+    """Draw the bow, with more `fields`, over its ground and back."""
+    (cable,) = _DRAWN["cables"]
     with contextlib.suppress(SceneError):  # without Pinocchio it is compiled at the first contact
-        tracker = Tracker(load_scene(_DRAWN, urdf=_DRAWING))
+        tracker = Tracker(load_scene(_DRAWN | {"cables": [cable | fields]}, urdf=_DRAWING))
         for place in (0.0, -0.03, 0.0):
             _solve(tracker, {"y": place})
 

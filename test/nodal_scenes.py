@@ -70,12 +70,13 @@ def free_rod(conditions: Conditions, stiffness: np.ndarray = STIFFNESS):
 
 def start(
     conditions: Conditions, cells: int, friction: bool = True, twin: bool = False,
-    stiffness: np.ndarray = STIFFNESS,
+    stiffness: np.ndarray = STIFFNESS, soft: float = 0.0,
 ) -> NodalRod:  # fmt: skip
     """At an equilibrium where the cable touches nothing yet."""
     found = free_rod(conditions, stiffness)
     assert conditions.obstacles is not None
-    rod = NodalRod(stiffness, None, conditions.obstacles, cells, friction)
+    compliance = np.array([0.0, 0.0, soft])
+    rod = NodalRod(stiffness, None, conditions.obstacles, cells, friction, compliance)
     found.rod.obstacles = conditions.obstacles
     nothing = np.zeros(0)
     assert rod.adopt(found.rod, found.q, found.F, nothing, np.zeros((0, 3)), nothing.astype(int), twin)
@@ -119,11 +120,11 @@ def wrench(rod: NodalRod) -> np.ndarray:
 
 def pressed(
     shape: str, friction: float = 0.0, cells: int = 64, weight: float = 30.0, lift: float = 0.08,
-    twin: bool = False,
+    twin: bool = False, soft: float = 0.0,
 ) -> NodalRod:  # fmt: skip
     """A cable of 0.9 between its clamps, against which one of `shapes` was raised."""
     bodies = shapes(friction)[shape][None]
     conditions = Conditions(rotation([0.1, -0.2, 0.15]), np.array([0.05, 0.04, 0.92]),
                             np.array([-weight, 0.07 * weight, 0.0]), raised(bodies, -0.35))  # fmt: skip
-    rod = start(conditions, cells, friction > 0.0, twin)
+    rod = start(conditions, cells, friction > 0.0, twin, soft=soft)
     return go(rod, Conditions(conditions.qe, conditions.re, conditions.f, raised(bodies, lift)))

@@ -169,6 +169,8 @@ def in_slot() -> Case:
 
 FOUND = {
     (73, 40): "two smooth beams in two steps, both edges of each",
+    (91, 6): "a loop over a beam rolls off the edge and falls",
+    (92, 7): "a start wrench on a rough edge",
     (94, 22): "a hose led across in one step",
     (94, 26): "a cable across a rough table",
     (95, 20): "a planar loop on a table leaves its plane: the contact moves along the cable",
@@ -176,6 +178,7 @@ FOUND = {
     (96, 44): "a cable to and fro on a rough ground",
     (96, 48): "a cable up and down two rough beams",
     (96, 106): "a fold of a cable on smooth ground, from where it slides far",
+    (96, 138): "a lift without friction, lying flat: its pressures settle late",
     (96, 146): "rough beams dragged along under a cable",
     (97, 30): "a cable drawn across a rough edge",
     (100, 10): "a table edge drawn across under a cable, in five poses",
@@ -185,6 +188,10 @@ FOUND = {
     (100, 74): "a rough beam that a cable slides over comes back",
     (102, 11): "heavy rough beams, both edges of each",
     (103, 18): "a light cable turned on a smooth table, which it all but touches beside the edge",
+    (104, 44): "a loop over a bar snaps as the ground lets it go",
+    (105, 36): "a light cable between two rollers all but leaves one",
+    (106, 19): "a stiff loop over a thin beam, which soft springs let through",
+    (106, 71): "a heavy cable over two thin beams, which soft springs let through",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

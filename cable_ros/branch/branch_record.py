@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
-from cable_ros.branch.continuation import SnapThrough
+from cable_ros.branch.snap_through import SnapThrough
 from cable_ros.contact.distance import POSE
 from cable_ros.equilibrium import Status
 from cable_ros.rod.ends import Ends

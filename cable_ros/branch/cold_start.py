@@ -128,10 +128,11 @@ def _taut_layer(conditions: Conditions) -> float:
 
 def settle(rod: Rod, q: np.ndarray, F: np.ndarray, options: Options = Options()) -> Found | None:  # noqa: B008
     """The minimum of the energy near (q, F), factored; or None."""
-    return _found(rod, rod.minimum(q, F, options))
+    return settled(rod, rod.minimum(q, F, options))
 
 
-def _found(rod: Rod, result: tuple[np.ndarray, np.ndarray, int] | None) -> Found | None:
+def settled(rod: Rod, result: tuple[np.ndarray, np.ndarray, int] | None) -> Found | None:
+    """What a descent of the rod ended in: q, F and iterations; or None."""
     if result is None:
         return None
     q, F, iterations = result
@@ -281,7 +282,7 @@ class Starts:
         assert self._strings
         sought = self._sought
         q = along(self._strings.pop(0), self._mesh.nodes, rod.qe, sought.target_twist, sought.natural)
-        one = _found(rod, descend(rod, q, np.zeros(3), SEARCH_OPTIONS, 1, taut=True))
+        one = settled(rod, descend(rod, q, np.zeros(3), SEARCH_OPTIONS, 1, taut=True))
         if one is not None:
             self._strings.clear()
         return one

@@ -9,15 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_ros.branch.branch_switching import switch_branch
-from cable_ros.branch.cold_start import Conditions, Found, settle
+from cable_ros.branch.cold_start import Conditions
+from cable_ros.branch.snap_through import FREE_TO_TURN, SMALL, SNAP_WORK, SnapThrough, snap_and_record
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.travel import travel
-from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import Rod
-from cable_ros.rod.rod_state import TWIST
-from cable_ros.solve.trust_region import Options
 
 SHORTEST = 1e-4
 """Minimum step, as a fraction of the longest: if it fails, the branch ends."""
@@ -47,31 +44,8 @@ NEAR = 30.0
 """Number of shortest steps below which a failed step records the stability margin."""
 DESCENT_COST = 4
 """Work of an iteration of an energy descent, in iterations of a warm step."""
-STEPS_BACK = (30.0, 10.0, 3.0)
-"""Numbers of steps back to where the margin is computed if none was recorded before the last equilibrium."""
-SMALL = 0.05
-"""Maximum margin of the last equilibrium before a fold. At folds of free cables it was 1e-4 to 0.012, as the
-root law gives for the last step's distance; away from folds it is 0.1 to 1."""
-FOLD = 10.0
-"""Maximum number of last steps to the zero of the margin's square, extrapolated linearly, at a fold. At
-folds of free cables it was 0.3 to 1.7."""
-FREE_TO_TURN = 10.0 * NEUTRAL
-"""Maximum margin of an equilibrium that belongs to a continuous family (neutral stability)."""
-PERTURBATION = 5e-12
-"""Size, root of the elastic energy, of the fixed perturbation that a snap-through starts from: above
-rounding, below what changes the energy."""
-JUMP = 0.05
-"""Minimum rotation of a section, rad, that shows another branch: a step of SHORTEST along one turns less."""
-AWAY = 0.2
-"""The same for a few such steps back from a fold, where the shape changes like the root of the load."""
-SNAP_WORK = 90_000.0
-"""Minimum budget of a snap-through: without it no call would get past a fold."""
-AHEAD = 100.0
-"""Number of steps along the path to where a bifurcating branch is looked for."""
 FREE_SNAPS = 2
 """Number of snap-throughs outside the budget: even a small step may meet a fold, and end just before it."""
-GRID = np.linspace(0.0, 1.0, 33)
-"""Where shapes are compared."""
 TAUT = 500.0
 """Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle."""
 VERY_TAUT = 2e4
@@ -90,37 +64,6 @@ class End(enum.Enum):
     TAUT = enum.auto()
     """The cable is pulled taut around an obstacle: its force goes to infinity before the end of the path."""
     STUCK = enum.auto()
-
-
-@dataclass(frozen=True, eq=False)
-class SnapThrough:
-    """An energy descent from where a branch could not be continued; in units of the cable."""
-
-    at: float
-    """Fraction of the path."""
-    energy_before: float
-    energy_after: float
-    twist_before: float
-    twist_after: float
-    jumped: bool
-    """Whether it ended in another shape; if not, the branch continues there."""
-    touched: bool
-    """Whether the cable touched something before, and friction was forgotten."""
-    margin: float
-    """Stability margin at the last equilibrium before."""
-    to_fold: float
-    """Steps from there to the extrapolated zero of the margin's square; inf if that does not decrease. Known
-    only if the cable jumped."""
-
-    crossed: bool = False
-    """Whether the branch itself continues, unstable: its margin has passed through 0."""
-
-    @property
-    def folded(self) -> bool:
-        """Whether the branch lost stability there: the margin went to 0, and at a fold the energy fell."""
-        if self.crossed or self.margin < FREE_TO_TURN:
-            return True
-        return self.margin <= SMALL and self.to_fold <= FOLD and self.energy_after < self.energy_before
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +175,8 @@ def continue_branch(
             rod.patience, last, spent = 0, rod.work, 0.0
         hard = step * 0.5 < smallest * longest or spent > most
         stable = (free or fallback is None or not hard) and rod.refactor(q, F)
-        folding = free and (not stable or (fallback is not None and rod._softest() < SMALL))
+        lets_go = free and stable and rod.short and rod.lets_go(q, F)
+        folding = free and (not stable or lets_go or (fallback is not None and rod._softest() < SMALL))
         if folding:
             rod.patience = 0
         if fallback is not None and not folding and (hard or not stable):
@@ -246,16 +190,16 @@ def continue_branch(
             return ended(End.STUCK)
         if stable and step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
             margins.append((at, rod._softest()))
-        crossed = (code == warm_step.NOT_CONVEX and rod.remembers) or not stable
+        crossed = (code == warm_step.NOT_CONVEX and rod.remembers) or not stable or lets_go
         # a cable that turns freely goes far in any step
         turns = free and bool(margins) and margins[-1][1] < FREE_TO_TURN
         if crossed or ((code != warm_step.TOO_FAR or turns) and step * 0.5 < SHORTEST * longest):
             left, here = rod.work, (rod.qe, rod.re, rod.f, rod.obstacles)
             if crossed:  # the branch continues, but its margin has passed through 0
-                margins.append((at, 0.0))
+                margins.append((at, rod._softest() if lets_go else 0.0))
             spare = max(SNAP_WORK - rod.work, 0.0)
             rod.work += spare
-            snapped = _snap_and_record(rod, q, F, path, step, margins, tolerance, crossed)
+            snapped = snap_and_record(rod, q, F, path, step, margins, tolerance, crossed)
             rod.work -= spare
             if snapped is None:
                 rod.set_conditions(*here)
@@ -281,70 +225,13 @@ def continue_branch(
     if not (rod.remembers or rod.frictional or rod.refactor(q, F)):
         # the factors of an earlier step did not show that the margin passed through 0
         rod._softest()  # the mode in which it did
-        snapped = _snap_and_record(rod, q, F, path, 0.0, [(at, 0.0)], tolerance, True)
+        snapped = snap_and_record(rod, q, F, path, 0.0, [(at, 0.0)], tolerance, True)
         if snapped is None:
             return ended(End.STUCK)
         found, snap, _ = snapped
         snaps.append(snap)
         iterations, q, F = iterations + found.iterations, found.q, found.F
     return ended(End.ARRIVED)
-
-
-def _snap_and_record(
-    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], step: float,
-    margins: list[tuple[float, float]], tolerance: float, crossed: bool,
-) -> tuple[Found, SnapThrough, float] | None:  # fmt: skip
-    """`snap_through` from the factored equilibrium (q, F) at the end of the step: with its record, and where.
-
-    First a branch is looked for that bifurcates, a little further along the path.
-
-    `margins`: fractions of the path and stability margins there, last those of (q, F); `crossed`: whether the
-    margin is known to be negative at the end of the step.
-    """
-    at, margin = margins[-1]
-    touched = bool(rod.contact_force().any()) and not rod.remembers
-    shape, before = rod.mesh.interpolate(q, GRID), rod.snapshot()()
-    energy, mode = rod.linearize(q, F)[0], rod.mode.copy()
-    twist, end, found = float(rod.totals[TWIST]), min(1.0, at + AHEAD * step), None
-    if margin < SMALL:
-        found = switch_branch(rod, q, F, mode, path(end))
-        crossed = crossed or found is not None
-    if found is None:
-        end = min(1.0, at + step)
-        found = snap_through(rod, q, F, path(end))
-    if found is None:
-        return None
-    jumped, to_fold = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), 0.0 if crossed else np.inf
-    if jumped and not crossed:
-        earlier = margins[-2:-1] or _earlier_margin(before, q, F, path, at, step, tolerance)
-        to_fold = min((_to_fold(at, margin, *one) / step for one in earlier), default=np.inf)
-    record = SnapThrough(
-        at, energy, found.energy, twist, found.twist, jumped, touched, margin, to_fold, crossed
-    )
-    return found, record, end
-
-
-def _earlier_margin(
-    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], at: float, step: float,
-    tolerance: float,
-) -> list[tuple[float, float]]:  # fmt: skip
-    """A fraction of the path a little before (q, F), and the stability margin there; or an empty list."""
-    for many in STEPS_BACK:
-        if not rod.refactor(q, F):
-            return []
-        back = at - many * step
-        there = path(back)
-        code, _, q_back, F_back = rod.advance(
-            q, F, there.qe, there.re, there.f, tolerance, 0.35, there.obstacles
-        )
-        if code == warm_step.ADVANCED and rod.refactor(q_back, F_back):
-            return [(back, rod._softest())]
-    # next to the fold Newton's method fails, and a descent of the energy does not
-    shape, back = rod.mesh.interpolate(q, GRID), at - STEPS_BACK[0] * step
-    snapped = snap_through(rod, q, F, path(back))
-    if snapped is None or _jumped(shape, rod.mesh.interpolate(snapped.q, GRID), AWAY):
-        return []
-    return [(back, rod._softest())]
 
 
 def _taut_at(forces: list[tuple[float, float]]) -> float:
@@ -363,30 +250,3 @@ def _taut_at(forces: list[tuple[float, float]]) -> float:
 
 def _norm(F: np.ndarray) -> float:
     return float(np.linalg.norm(F))
-
-
-def _to_fold(at: float, margin: float, before: float, margin_before: float) -> float:
-    """Distance along the path from `at` to the extrapolated zero of the margin's square; inf if none.
-
-    It is linear in the load near a simple fold, and decreases faster near a symmetric bifurcation.
-    """
-    decrease = margin_before**2 - margin**2
-    return (at - before) * margin**2 / decrease if decrease > 0.0 else np.inf
-
-
-def snap_through(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> Found | None:
-    """Descend the energy from (q, F) under the given conditions, in steps too short to cross a ridge.
-
-    Returns the stable equilibrium at the end; None if none was reached.
-    """
-    rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
-    # of two mirror images always the same one, whatever the last bit
-    q = rod.retract(rod.on_end(q), PERTURBATION * rod.start_vector())
-    found = settle(rod, q, F, Options(radius=0.1, largest_radius=0.3, iterations=400))
-    # soft obstacles may have held it where hard ones do not
-    return found if found is None or rod.refactor(found.q, found.F) else None
-
-
-def _jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:
-    """Whether some section turned by more than `most`, rad."""
-    return bool(np.abs(np.sum(before * after, axis=1)).min() < np.cos(0.5 * most))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.contact.clearance import clearance
+from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.limits import QUANTITIES, Extreme
 from cable_ros.rod import quaternion
@@ -53,11 +54,9 @@ def extremes(
     compliance = rod.compliance
     mesh = rod.h.copy(), rod.s0.copy(), rod.mesh.element.order
     law = Law(rod.K, rod.natural)
-    if compliance.any() and isinstance(rod, TouchingRod) and rod.touches:
-        rod.trace(q, F)
-        judge = partial(
-            _judged, q.copy(), mesh, law, rod.c.copy(), loads, start.copy(), unit, limits, obstacles
-        )
+    if compliance.any() and isinstance(rod, TouchingRod | NodalRod) and rod.touches:
+        c = rod.centreline(q, F)
+        judge = partial(_judged, q.copy(), mesh, law, c, loads, start.copy(), unit, limits, obstacles)
         return Reading(judge)
     return Reading(
         partial(_found, q.copy(), mesh, law, compliance, loads, start.copy(), unit, limits, obstacles)

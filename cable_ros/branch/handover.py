@@ -10,10 +10,12 @@ from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.grid_friction import Friction
 from cable_ros.contact.nodal_contacts import MOST, point_count
 from cable_ros.contact.nodal_rod import FINER, NodalRod
+from cable_ros.contact.patches import SAMPLES, WEIGHTS
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
-from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, KIND, OBSTACLE, SAMPLE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, KIND, NUMBER, OBSTACLE, SAMPLE
 from cable_ros.contact.report import positions
+from cable_ros.contact.stretching_rod import StretchingTouchingRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
@@ -39,6 +41,8 @@ WORK = 40_000.0
 """Minimum budget, iterations times unknowns, of a rod that takes over."""
 EXACT_WORK = 60_000.0
 """Maximum budget of a search for the accurate equilibrium beside one on a grid."""
+SPREAD = 400.0
+"""Number of forces per length, 1 / L, by which a sample of a patch is spread: more than cells."""
 CELLS = 12.0
 """Minimum number of cells of a grid along the longest patch."""
 LEVEL = 0.1
@@ -62,18 +66,25 @@ GRID = np.linspace(0.0, 1.0, 33)
 
 def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
     """The equilibrium (q, F) and its friction on a uniform grid of contacts; None if that fails."""
-    if not isinstance(rod, TouchingRod) or rod.obstacles is None or rod.compliance.any():
+    if (
+        not isinstance(rod, TouchingRod)
+        or rod.obstacles is None
+        or (rod.compliance.any() and rod.model != COULOMB)
+    ):
         return None
     points = rod.points[: rod.count]
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
     force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.contact_force()))
     count = max(point_count(float(force)), int(min(CELLS / _longest_span(points), MOST)))
     rod.refactor(q, F)
+    arc_lengths, which = points[:, ARC_LENGTH], points[:, OBSTACLE].astype(int)
+    if rod.compliance.any():
+        arc_lengths, forces, which = _spread(rod, forces)
     best, least = None, FARTHEST
     for cells in (count, int(FINER * count)):
-        new = NodalRod(rod.K, rod.natural, rod.obstacles, cells, rod.model == COULOMB)
+        new = NodalRod(rod.K, rod.natural, rod.obstacles, cells, rod.model == COULOMB, rod.compliance)
         new.work = max(rod.work, WORK)
-        if new.adopt(rod, q, F, points[:, ARC_LENGTH], forces, points[:, OBSTACLE].astype(int)):
+        if new.adopt(rod, q, F, arc_lengths, forces, which):
             away = apart(new, rod, F)
             new.doubt(away)
             if away < least:
@@ -83,6 +94,29 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
     return best
 
 
+def _spread(rod: TouchingRod, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Arc lengths (c,), forces (c, 3) and obstacles (c,) of the rod's contacts, those of samples spread over
+    the length that each stands for.
+
+    Cells that bear too little could not hold their friction, and a cable that stretches would go back there.
+
+    `forces` (k, 3): on the rod's contact points.
+    """
+    arc_lengths, shares, which = [], [], []
+    edges = np.concatenate(([0.0], np.cumsum(WEIGHTS)))
+    for point, force in zip(rod.points[: rod.count], forces, strict=True):
+        parts = np.array([point[ARC_LENGTH]])
+        if point[KIND] == SAMPLE:
+            e, k = divmod(int(point[NUMBER]), SAMPLES)
+            low, high = rod.s0[e] + rod.h[e] * edges[k : k + 2]
+            count = int(np.ceil((high - low) * SPREAD))
+            parts = low + (high - low) * (np.arange(count) + 0.5) / count
+        arc_lengths.append(parts)
+        shares.append(np.repeat(force[None] / len(parts), len(parts), axis=0))
+        which.append(np.full(len(parts), int(point[OBSTACLE])))
+    return np.concatenate(arc_lengths), np.concatenate(shares), np.concatenate(which)
+
+
 def _longest_span(points: np.ndarray) -> float:
     """Length, L, of the longest patch among contact points (k, COLUMNS); inf without any."""
     samples = points[points[:, KIND] == SAMPLE]
@@ -90,8 +124,11 @@ def _longest_span(points: np.ndarray) -> float:
     return max((float(span) for span in spans if span > 0.0), default=np.inf)
 
 
-def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
-    """The equilibrium of a nodal rod, solved to the tolerance without its grid; None if none is found."""
+def exact(rod: NodalRod, tolerance: float, model: int, anywhere: bool = False) -> Found | None:
+    """The equilibrium of a nodal rod, solved to the tolerance without its grid; None if none is found.
+
+    `anywhere`: whether another one that a descent finds will do, too: in a search any is as good.
+    """
     if model != FRICTIONLESS and rod.touches:
         return _with_friction(rod, tolerance) if model == COULOMB else None
     assert rod.obstacles is not None
@@ -105,11 +142,16 @@ def exact(rod: NodalRod, tolerance: float, model: int) -> Found | None:
         count, stage = TRIALS[rod.tried % len(TRIALS)]
         mesh = Mesh(first.element, np.full(count, 1.0 / count)) if count else first
         new, q = _started(rod, mesh, tolerance, left)
-        result = _taken_over(new, q, rod) if stage is None else descend(new, q, rod.end_force, SETTLE, stage)
+        if stage is None:
+            result = _taken_over(new, q, rod)
+        elif isinstance(new, StretchingTouchingRod):
+            result = new.from_inextensible(q, rod.end_force, SETTLE, stage)
+        else:
+            result = descend(new, q, rod.end_force, SETTLE, stage, foundation=anywhere)
         left = new.work
         if result is not None:
             one, estimate = refine(Found.at(new, *result), tolerance)
-            if estimate <= tolerance and _same(rod, one):
+            if estimate <= tolerance and (anywhere or _same(rod, one)):
                 found = one
                 break
         rod.tried += 1  # without budget left, the next pose tries the next
@@ -153,7 +195,11 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
 
 def _started(rod: NodalRod, mesh: Mesh, tolerance: float, work: float) -> tuple[TouchingRod, np.ndarray]:
     """A rod without contacts on the `mesh`, under the grid's conditions; the grid's shape (n, 4) on it."""
-    new = TouchingRod(mesh, rod.K, rod.natural, tolerance)
+    section = mesh, rod.K, rod.natural
+    if rod.compliance.any():
+        new: TouchingRod = StretchingTouchingRod(*section, rod.compliance, tolerance)
+    else:
+        new = TouchingRod(*section, tolerance)
     new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     new.work = work
     return new, _shape(rod, mesh)
@@ -186,7 +232,7 @@ def _displacement(rod: NodalRod, found: Found) -> float:
     """Largest distance, L, of the contact points of `found` from the same points of the grid's cable."""
     new = found.rod
     assert isinstance(new, TouchingRod)
-    new.trace(found.q)
+    new.trace(found.q, found.F)
     at, boundaries = new.points[: new.count, ARC_LENGTH].copy(), np.append(rod.s0, 1.0)
     there = np.column_stack([np.interp(at, boundaries, rod.state.r[:, a]) for a in range(3)])
     here = positions(new.c, new.h, new.s0, at)
@@ -204,7 +250,7 @@ def _taken_over(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> tuple[np.ndar
 
 def _give_contacts(new: TouchingRod, q: np.ndarray, rod: NodalRod) -> np.ndarray:
     """Give the `new` rod of shape q (n, 4) the contacts of the grid; returns the shape on its mesh then."""
-    new.trace(q)
+    new.trace(q, rod.end_force)
     at, which = np.nonzero(rod.lies_on(LEVEL))
     arc_lengths = np.append(rod.s0, 1.0)[at]
     give_contacts(new, q, which, arc_lengths, rod.state.lam[at, which], 1.0 / rod.cells)
@@ -241,7 +287,7 @@ class Rest:
             self._shapes = sorted(begins, key=rod.depth)[:TRIES]
         rod.work = LIMIT
         rests = rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None
-        found = exact(rod, sought.tolerance, FRICTIONLESS) if rests else None
+        found = exact(rod, sought.tolerance, FRICTIONLESS, anywhere=True) if rests else None
         return found, LIMIT - rod.work
 
 

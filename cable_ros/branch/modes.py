@@ -44,7 +44,7 @@ def modes(
     """
     if not density:
         return no_modes(count, points, np.inf)
-    if isinstance(rod, TouchingRod) and rod.count and rod.compliance.any():
+    if rod.touches and rod.compliance.any():
         return no_modes(count, points, np.nan)
     moved, H, rows = _problem(rod, q, F)
     M, n = mass(moved), len(rod.elastic)

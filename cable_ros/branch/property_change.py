@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.stretching_rod import StretchingTouchingRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
@@ -50,8 +51,11 @@ def _soft(section: Section) -> np.ndarray:
 def with_section(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
     """A rod with the section, on the same mesh between the same clamps; `scale` as in `follow`."""
     soft = section.compliance is not None and section.compliance.any()
-    if isinstance(rod, TouchingRod) and (soft or rod.compliance.any()):
-        new: Rod = _touching(rod, section, scale)
+    if isinstance(rod, NodalRod):
+        compliance = _soft(section)
+        new: Rod = rod.variant(None, section.stiffness, section.natural, scale, compliance)
+    elif isinstance(rod, TouchingRod) and (soft or rod.compliance.any()):
+        new = _touching(rod, section, scale)
     elif section.compliance is not None and soft:
         new = StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
     elif rod.compliance.any():

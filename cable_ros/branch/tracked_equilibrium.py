@@ -19,8 +19,9 @@ from cable_ros.branch.cold_start import (
     Found,
     refine,
 )
-from cable_ros.branch.continuation import FREE_TO_TURN, VERY_TAUT, SnapThrough
+from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.extremes import Obstacles, Reading, extremes
+from cable_ros.branch.snap_through import FREE_TO_TURN, SnapThrough
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB
@@ -45,6 +46,8 @@ ON_GRID = "; contact was solved on a grid, to an estimated error of the end wren
 INACCURATE = "The estimated error of the end wrench, {:.1e}, exceeds the tolerance {:.0e}."
 SINKS = "The cable still penetrates an obstacle between contact points."
 UNSTABLE = "The equilibrium that was found is not stable: its stability margin is {:.1e}."
+POLISHED = 1e-8
+"""Last step of Newton's method before a mesh is judged too coarse, where it is solved again for that."""
 LONGEST_STAY = 63
 """Maximum number of poses that a cable stays on its grid of contacts before it is solved without again."""
 FREE = "Converged to one of a continuous family of equilibria: the cable turns freely from one to the next."
@@ -196,6 +199,9 @@ class TrackedEquilibrium(CableModel):
         took, and a sentence if there is no equilibrium to publish, else an empty one.
         """
         self._estimate = rod.relative_error(self._q, self._F)
+        if self._estimate > ACCEPT * self.tolerance:
+            self._q, self._F = rod.polished(self._q, self._F, POLISHED)
+            self._estimate = rod.relative_error(self._q, self._F)
         sinks = rod.unresolved(self._q, LENIENT).any()
         beside = rod.clamp_errors(self._q, self._F).max()
         iterations = 0

@@ -17,6 +17,7 @@ from cable_ros.contact.patches import resample
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
+    FORCE,
     FRICTION,
     INTERFACE,
     KIND,
@@ -37,6 +38,8 @@ from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
 
+GOES = 1e-3
+"""Maximum force of a contact that is about to end, as a fraction of the largest one."""
 KEPT = 1e-3
 """Maximum relative change of the total friction as contacts change on a new mesh."""
 DENSE = 20.0
@@ -165,6 +168,36 @@ class ActiveSetRod(FixedSetRod):
         points, self.count, self.h[:], self.s0[:] = state
         self.points[: self.count] = points
 
+    def lets_go(self, q: np.ndarray, F: np.ndarray) -> bool:
+        """Whether at the equilibrium (q, F) a point that hardly presses any more is all that holds the cable.
+
+        If so, the branch ends at a fold, at which the stability margin jumps. Leaves (q, F) factored.
+        """
+        forces = self.points[: self.count, FORCE]
+        if self.count == 0 or self.model != FRICTIONLESS:
+            return False
+        least = int(np.argmin(forces))
+        if self.points[least, KIND] != POINT or forces[least] > GOES * forces.max():
+            return False
+        kept = self.state()
+        self.points[least : self.count - 1] = self.points[least + 1 : self.count].copy()
+        self.count -= 1
+        held = self.refactor(q, F)
+        self.restore(kept)
+        self.refactor(q, F)
+        return not held
+
+    def polished(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+        """The equilibrium (q, F) solved once more if it lies along something without friction.
+
+        A pressure bends its element by the fourth power of its length: where the shape has settled, the
+        pressures in short elements may not have, which `relative_error` takes for an error of the mesh.
+        """
+        if not self.has_patch or self.model != FRICTIONLESS:
+            return q, F
+        code, _, q_new, F_new = self.correct(q, F, tolerance, remesh=False)
+        return (q_new, F_new) if code == warm_step.ADVANCED else (q, F)
+
     def correct(
         self, q: np.ndarray, F: np.ndarray, tolerance: float, limit: float = 1.0, remesh: bool = True
     ) -> tuple[int, int, np.ndarray, np.ndarray]:
@@ -232,13 +265,13 @@ class ActiveSetRod(FixedSetRod):
                 return warm_step.ADVANCED if ready else warm_step.NOT_CONVEX, iterations, q_new, F_new
         if moved and remesh:
             self._remeshing.skip()
-        if sunk:
+        left_unstable = not self.count and not super().refactor(q_new, F_new)
+        if sunk or left_unstable:
             self.restore(kept, mesh)
             self.set_conditions(*before)
             self.direction, self.ready = direction, False
-            return warm_step.NOT_CONTRACTING, iterations, q_new, F_new
-        if not self.count:
-            super().refactor(q_new, F_new)
+            code = warm_step.NOT_CONTRACTING if sunk else warm_step.NOT_CONVEX
+            return code, iterations, q_new, F_new
         self.settled = q_new
         return code, iterations, q_new, F_new
 

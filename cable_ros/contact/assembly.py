@@ -43,9 +43,11 @@ from cable_ros.contact.points import (
     STICK_ROW,
     YIELD,
 )
-from cable_ros.contact.stretched import internal_forces, reach_blocks, reach_rows
+from cable_ros.contact.stretched import internal_forces, row_reaches, trace
 from cable_ros.linalg.copies import copy
 from cable_ros.rod.centreline import (
+    derivative,
+    elongation_before,
     find_element,
     increments,
     interpolate_frame,
@@ -138,7 +140,11 @@ def assemble_kkt(shape, forces, section, obstacles, history, contacts, count, kk
     evaluation, tangents, rows, _, strain = kkt
     soft = strain.reach.shape[0] > 0
     terms = point_terms(max(count, 1))
-    flips = evaluate_points(shape, obstacles, history, contacts, count, terms, initial)
+    flips = evaluate_points(shape, obstacles, history, contacts, count, terms, initial, False)
+    if soft and flips > 0:
+        # friction that begins to slip displaces the points, which says nothing about who sticks
+        trace(shape, forces, contacts, count, obstacles, strain)
+        evaluate_points(shape, obstacles, history, contacts, count, terms, initial, True)
     Fe = np.empty((grid.h.shape[0], 3))
     point_forces(shape, F, contacts, count, Fe, evaluation.acc)
     stretch = Stretch(strain.compliance, np.empty((3, 3)), np.zeros(4))
@@ -163,21 +169,22 @@ def point_terms(size):
     """New `PointTerms` of `size` contact points, all zero."""
     return PointTerms(
         np.zeros((size, 2, 3)), np.zeros((size, 2)), np.zeros(size), np.zeros((size, 3)), np.zeros(size),
-        np.zeros((size, TANGENT)), np.zeros((size, 3)),
+        np.zeros((size, TANGENT)), np.zeros((size, 3)), np.zeros((size, 3)), np.zeros((size, 3)),
     )  # fmt: skip
 
 
 @njit(**INNER)
-def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
+def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, held):
     """Gaps, normals and friction of the contact points; the number of those that began to stick or to slip.
 
     Args:
         shape, obstacles, history, contacts, count, initial: as in `assemble_kkt`.
-        terms: `PointTerms`, all zero, overwritten.
+        terms: `PointTerms`, all zero unless `held`, overwritten.
+        held: whether friction and its tangents stay as they are.
     """
     points, gaps, normals = contacts
     at = surface()
-    before, turned = np.empty(3), np.empty(3)
+    before, turned, old = np.empty(3), np.empty(3), np.empty(3)
     flips = 0
     for i in range(count):
         o = int(points[i, OBSTACLE])
@@ -192,7 +199,8 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
         gaps[i], terms.tilts[i], curvature = gap_here(obstacle, at)
         terms.curvature[i] = max(curvature, 1e-9) if points[i, KIND] == POINT else 0.0
         for a in range(3):
-            normals[i, a] = at.n[a]
+            normals[i, a], terms.t[i, a] = at.n[a], at.t[a]
+        terms.slopes[i, 0] = terms.slopes[i, 1] = terms.slopes[i, 2] = 0.0
         for k in range(2):
             terms.bends[i, k] = at.bends[k]
             along = 0.0
@@ -211,8 +219,16 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial):
             carry(history.obstacles[o], obstacle, before, turned)
             for a in range(3):
                 before[a] = 0.0 if initial else at.r[a] - before[a]
+            if shape.c.shape[2] > 3:
+                long = elongation_before(shape.c, shape.grid.h, shape.grid.s0, s)
+                derivative(curve, history.h, history.s0, s, old)
+                carry(history.obstacles[o], obstacle, np.zeros(3), old)
+                for a in range(3):
+                    terms.creep[i, a] = long * at.t[a] - old[a]
             stiffness = stick_stiffness(mu * points[i, FORCE], history.presliding)
-            flips += update_friction(points, i, at, mu, history, before, turned, initial, terms.tangents[i])
+            if not held:
+                limit = terms.tangents[i]
+                flips += update_friction(points, i, at, mu, history, before, turned, initial, limit)
             for a in range(3):
                 terms.misfits[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / stiffness
     return flips
@@ -388,12 +404,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
     for i in range(count):
         stick_constraints(points, i, terms.misfits, lines, gaps)
     if soft:
-        for b in range(3):
-            for a in range(3):
-                lines[b, a] = 1.0 if a == b else 0.0
-        blocks = np.empty((count + 1, count + 1, 3, 3))
-        reach_blocks(q, shape.grid, strain.compliance, points[:count, ARC_LENGTH].copy(), blocks)
-        reach_rows(blocks, owners, lines, total, strain.reach)
+        same = not row_reaches(shape, obstacles, contacts, count, terms, rows, total, strain) and same
     return total, same
 
 

@@ -128,6 +128,9 @@ class Strain(NamedTuple):
     reach: np.ndarray
     """(rows, rows) how far each row's constraint gives way to each multiplier, L^3 / EI; changes with every
     new tangent."""
+    skew: np.ndarray
+    """(rows, rows) the same with friction: where it slips it goes along with the normal force, as in `W`, and
+    it moves along the cable with its point."""
 
 
 class KKT(NamedTuple):
@@ -162,6 +165,11 @@ class PointTerms(NamedTuple):
     """(k, friction_kernels.TANGENT) tangents of friction."""
     misfits: np.ndarray
     """(k, 3) how far the spring of what sticks is off its force, L."""
+    t: np.ndarray
+    """(k, 3) tangents of the cable."""
+    creep: np.ndarray
+    """(k, 3) change since the last equilibrium of the position's derivative by the arc length, just before
+    the point; 0 for a cable that keeps its length."""
 
 
 @njit(**INNER)

@@ -184,7 +184,7 @@ class FixedSetRod(Rod):
         """`Factors` for stability and error estimates, with this Schur complement."""
         return self.A, self.L, self.pivots, self.responses, complement
 
-    strain: tuple[np.ndarray, ...] = (NOTHING, UNSTRAINED, np.zeros((0, 0)))
+    strain: tuple[np.ndarray, ...] = (NOTHING, UNSTRAINED, np.zeros((0, 0)), np.zeros((0, 0)))
     """`Strain`."""
 
     # where it is
@@ -275,7 +275,7 @@ class FixedSetRod(Rod):
         """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
         self.judged = True
         system = *self.saddle[:2], self._factors(self.complement)
-        reach = self.strain[-1]
+        reach = self.strain[2]
         return bool(entry_points.kkt_factor(mu, system, self.V, self.delta, reach, self.rows, equalities))
 
     def _judge(self) -> None:
@@ -305,9 +305,15 @@ class FixedSetRod(Rod):
         return self.wrench_response(q, F, ()) if self.count else super().clamp_stiffness(q, F)
 
     def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
-        """As `Rod.wrench_response`; see `response.wrench_response`."""
+        """As `Rod.wrench_response`; see `response.wrench_response`.
+
+        NaN for a cable that stretches and touches what has friction: where its point rolls along the cable it
+        creeps to one side otherwise than to the other.
+        """
         if not self.count:
             return super().wrench_response(q, F, moving)
+        if self.compliance.any() and self.model == COULOMB and self._rough().any():
+            return np.full((12 + 6 * len(moving), 12 + 6 * len(moving)), np.nan)
         return self._response(q, F, moving, None)
 
     def loaded_response(
@@ -333,7 +339,7 @@ class FixedSetRod(Rod):
         kind, pressure = points[:, KIND], points[:, FORCE]
         which = points[:, OBSTACLE].astype(int)
         assert self.obstacles is not None
-        rough = (self.obstacles[which, FRICTION_COEFFICIENT] > 0.0) & (pressure > 0.0)
+        rough = self._rough()
         contacts = Contacts(
             arc_lengths=points[:, ARC_LENGTH].copy(), obstacles=which, pressure=pressure,
             friction=points[:, FRICTION : FRICTION + 3], at_minimum=kind == POINT, lifts_off=kind >= FIRST,
@@ -347,6 +353,13 @@ class FixedSetRod(Rod):
         compliance, G = self.strain[:2]
         return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving,
                                compliance, G, loads)  # fmt: skip
+
+    def _rough(self) -> np.ndarray:
+        """(count,) which contact points press on an obstacle with friction."""
+        assert self.obstacles is not None
+        points = self.points[: self.count]
+        coefficients = self.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT]
+        return np.asarray((coefficients > 0.0) & (points[:, FORCE] > 0.0))
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """As `Rod.wrench_error`, with the contact forces as loads and the constraint rows of the contacts."""

@@ -16,7 +16,6 @@ from cable_ros.contact.points import (
     FORCE,
     LENGTH,
     NUMBER,
-    POINT,
     SAMPLE,
     add,
 )
@@ -29,6 +28,11 @@ AWAY = 1.0
 """Gap below which it is evaluated exactly, in spacings of the samples."""
 LEVEL = 1e-9
 """Maximum slope of a clamp that lies along a surface, rad: rounding."""
+NODES = 0.5 - 0.5 * np.sqrt(0.6), 0.5, 0.5 + 0.5 * np.sqrt(0.6)
+WEIGHTS = 5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0
+"""Gauss rule on an interval of length 1: exact for the square of a parabola's depth."""
+SURFACING, SURFACED = 40, 1e-10
+"""Maximum number of steps to where the curve leaves an obstacle, and the last one, L."""
 ROUNDING = 1e-9
 """Part of an obstacle's width within which a bound of motions is not told from it."""
 
@@ -66,18 +70,20 @@ def scan(c, h, s0, samples, obstacles, phi):
 
 
 @njit(**OPTIONS)
-def press(shape, samples, obstacles, points, phi, stiffness, minima):
-    """Put a contact point on a spring at the minimum gap of each sample's cell; returns their number.
+def press(shape, samples, obstacles, points, phi, stiffness, foundation):
+    """Put springs where the cable is inside an obstacle; returns their number.
 
-    With springs at the samples themselves, an edge between two of them would hold the cable. The energy of
-    the minimum is continuous, and its gradient is that at a fixed arc length (envelope theorem).
+    A spring at a sample stands for all of its cell, so a contact that slides from one sample to the next
+    passes over a bump, and may rest there. The energy of a foundation, the integral over what is inside, has
+    none. Its gradient is that at fixed arc lengths,
+    for where the cable leaves the obstacle it has no depth.
 
     Args:
         shape: `Shape`, as a plain tuple.
         samples, obstacles, phi: as in `scan`.
         points: (CAPACITY, COLUMNS) the contact points, overwritten.
         stiffness: of the springs per length, EI / L^4.
-        minima: whether at the minimum; else at the sample.
+        foundation: whether they are a foundation; else each is at a sample.
     """
     shape, at = shape_of(shape), surface()
     scan(shape.c, shape.grid.h, shape.grid.s0, samples, obstacles, phi)
@@ -85,19 +91,67 @@ def press(shape, samples, obstacles, points, phi, stiffness, minima):
     for o in range(obstacles.shape[0]):
         for k in range(1, samples.shape[0] - 1):
             low, high = 0.5 * (samples[k - 1] + samples[k]), 0.5 * (samples[k] + samples[k + 1])
-            if phi[o, k] >= (0.5 * (high - low) if minima else 0.0):
+            if not foundation:
+                if phi[o, k] < 0.0:
+                    count = spring(points, count, o, k, samples[k], high - low, stiffness, -phi[o, k])
                 continue
-            s, depth = samples[k], -phi[o, k]
-            if minima:
-                s = minimum_between(shape, low, high, obstacles[o], at)
-                depth = -gap_at(shape, s, obstacles[o], at)[0]
-                phi[o, k] = min(phi[o, k], -depth)
-            if depth > 0.0 and count < points.shape[0]:
-                # the minimum moves with the shape, which the row of a point's slope takes into account
-                count = add(points, count, o, s, POINT if minima and low < s < high else SAMPLE)
-                points[count - 1, LENGTH], points[count - 1, NUMBER] = high - low, k
-                points[count - 1, FORCE] = stiffness * (high - low) * depth
+            if phi[o, k] >= 0.5 * (high - low):
+                continue
+            s = minimum_between(shape, low, high, obstacles[o], at)
+            phi[o, k] = min(phi[o, k], gap_at(shape, s, obstacles[o], at)[0])
+            if phi[o, k] >= 0.0:
+                continue
+            first = surfacing(shape, s, low, obstacles[o], at)
+            last = surfacing(shape, s, high, obstacles[o], at)
+            if first > low or last < high:
+                count = lay(shape, points, count, o, k, (first, s), stiffness, obstacles[o], at)
+                first = s
+            count = lay(shape, points, count, o, k, (first, last), stiffness, obstacles[o], at)
     return count
+
+
+@njit(**INNER)
+def lay(shape, points, count, o, k, span, stiffness, obstacle, at):
+    """Put springs at the Gauss points of a span of sample k's cell; returns the number of points."""
+    low, high = span
+    for g in range(3):
+        s = low + NODES[g] * (high - low)
+        depth = -gap_at(shape, s, obstacle, at)[0]
+        count = spring(points, count, o, k, s, WEIGHTS[g] * (high - low), stiffness, depth)
+    return count
+
+
+@njit(**INNER)
+def spring(points, count, o, k, s, width, stiffness, depth):
+    """Add a spring at arc length s for a width of sample k's cell; returns the number of points."""
+    if depth > 0.0 and width > 0.0 and count < points.shape[0]:
+        count = add(points, count, o, s, SAMPLE)
+        points[count - 1, LENGTH], points[count - 1, NUMBER] = width, k
+        points[count - 1, FORCE] = stiffness * width * depth
+    return count
+
+
+@njit(**INNER)
+def surfacing(shape, inside, end, obstacle, at):
+    """Arc length where the curve leaves an obstacle, between one inside and an end; that end if it does not.
+
+    Newton's method, bisecting where that leaves the bracket.
+    """
+    if gap_at(shape, end, obstacle, at)[0] <= 0.0:
+        return end
+    s = 0.5 * (inside + end)
+    for _ in range(SURFACING):
+        value, slope, _ = gap_at(shape, s, obstacle, at)
+        if value <= 0.0:
+            inside = s
+        else:
+            end = s
+        last, s = s, 0.5 * (inside + end)
+        if slope != 0.0 and (last - value / slope - inside) * (last - value / slope - end) <= 0.0:
+            s = last - value / slope
+        if abs(s - last) < SURFACED:
+            break
+    return s
 
 
 @njit(**INNER)

@@ -21,11 +21,13 @@ from cable_ros.contact.points import (
     KIND,
     POINT,
     SAMPLE,
+    SLIP_ROW,
+    SLIPS,
     SLOPE_ROW,
     STICK_ROW,
     SWINGS,
 )
-from cable_ros.contact.stretched import trace
+from cable_ros.contact.stretched import close_strained_curve, trace
 from cable_ros.linalg import banded
 from cable_ros.linalg.bordered import (
     add_reach,
@@ -70,7 +72,7 @@ def skew_factor(kkt, count, order):
             A[i, j] = elastic[i, j] + geometric[i, j]
     banded.factor(A, 3, n - 3, order, U, pivots)
     complement(kkt.rows.V, kkt.rows.W, count, order, kkt.factors)
-    add_reach(kkt.strain.reach, count, S)
+    add_reach(kkt.strain.skew, count, S)
     for a in range(count):
         S[a, a] += kkt.rows.delta[a]
 
@@ -128,8 +130,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     closed = np.zeros((elements, N.shape[0] + 3, 3))
     if strain.reach.shape[0] == 0:
         close_curve(q, h, bubbles, old_c, closed)
-    else:  # the tangents of the frames are not those of a centreline that stretches
-        closed[:, : N.shape[0] + 1] = old_c[:, :, :3]
+    else:
+        old = Shape(q, old_c, grid)
+        close_strained_curve(old, (F, f_old), contacts, count, strain.compliance, bubbles, closed)
     history = History(
         model, options.direction, options.presliding, old_c, closed, h.copy(), s0.copy(), last.obstacles
     )
@@ -206,7 +209,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             rotation += step
             quaternion.retract(q_new, s, q_new)
             close(q_new, qe)
-            change, couple, scale = correct_forces(points, count, y, lines, F_new)
+            change, couple, scale = correct_forces(points, count, y, lines, F_new, strain.reach.shape[0] > 0)
             turned = max(step, couple / scale, move_ends(points, count, y, spacing))
             step = max(turned, change / scale)
             if not tangent:
@@ -245,7 +248,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
 
 
 @njit(**INNER)
-def correct_forces(points, count, y, lines, F):
+def correct_forces(points, count, y, lines, F, soft):
     """Add the multipliers of a step to the forces.
 
     Args:
@@ -253,6 +256,7 @@ def correct_forces(points, count, y, lines, F):
         y: (rows,) the multipliers.
         lines: (rows, 3) of `ConstraintRows`.
         F: (3,) the end force.
+        soft: whether the cable stretches: where its points are depends on friction, that of what slips, too.
 
     Returns:
         The largest change of a force, EI / L^2, without those of samples, the largest change of a couple that
@@ -264,6 +268,12 @@ def correct_forces(points, count, y, lines, F):
         scale = max(scale, abs(F[a]))
         change = max(change, abs(y[a]))
     for i in range(count):
+        if soft and points[i, SLIPS] == 1.0 and points[i, FORCE] > 0.0:
+            k, grown = int(points[i, SLIP_ROW]), max(1.0 + y[3 + i] / points[i, FORCE], 0.0)
+            for a in range(3):
+                points[i, FRICTION + a] *= grown
+                if k > 0:
+                    points[i, FRICTION + a] += y[k] * lines[k, a]
         points[i, FORCE] += y[3 + i]
         k = int(points[i, STICK_ROW])
         if k > 0:

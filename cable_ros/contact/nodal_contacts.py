@@ -13,13 +13,15 @@ import numpy as np
 from cable_ros.contact.distance import gaps
 from cable_ros.contact.nodal_kernels import COMPLIANCE, contact_frames, residuals
 from cable_ros.contact.nodal_response import contact_tangents, frozen_step, wrench_response
-from cable_ros.contact.nodal_stability import ITERATIONS, condensed, softest
+from cable_ros.contact.nodal_stability import ITERATIONS, PENALTY, RIGID, condensed, softest
 from cable_ros.contact.nodal_state import ORDER, Model, State, Step, spaces, workplace
+from cable_ros.contact.nodal_stretch import stiffness
 from cable_ros.contact.nodal_tangent import jacobian
+from cable_ros.contact.report import positions
 from cable_ros.linalg.band_lu import band_factor
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, reference_element
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.rod_state import ENERGY, Evaluation, Grid, Section, Tangents
 
@@ -72,13 +74,15 @@ class NodalContacts(Rod):
         obstacles: (o, WIDTH) that it may touch.
         points: number of contact points, each in the middle of a cell; see `point_count`.
         coulomb: whether there is friction.
+        compliance: (3,) in units of the cable, 0, 0, 1 / EA.
     """
 
     def __init__(
         self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
-        points: int = FEWEST, coulomb: bool = True,
+        points: int = FEWEST, coulomb: bool = True, compliance: np.ndarray = NOTHING,
     ) -> None:  # fmt: skip
         self.cells = points
+        self.compliance = np.ascontiguousarray(compliance, float)
         super().__init__(cells(self.cells), stiffness, natural)
         self.coulomb = coulomb
         elements, count = len(self.h), len(obstacles)
@@ -92,7 +96,9 @@ class NodalContacts(Rod):
         self._step: Step | None = None
         self._moved = False  # whether `before` is the equilibrium before the last
         evaluation, tangents, _ = self.saddle
-        self._model = Model(np.zeros(3), Section(self.K, self.natural), Grid(self.h, self.s0, self.tables))
+        self._model = Model(
+            np.zeros(3), Section(self.K, self.natural), Grid(self.h, self.s0, self.tables), self.compliance
+        )
         self._work = workplace(Evaluation(*evaluation), elements, count)
         self._tangents = Tangents(*tangents)
         self._rows, self._band = spaces(elements, count)
@@ -175,12 +181,33 @@ class NodalContacts(Rod):
         self.totals[ENERGY] -= float(self.f @ self.state.r[1:-1].sum(axis=0)) / self.cells
 
     def _integrate(self) -> None:
-        """Positions of the boundaries from the frames."""
-        tangents = quaternion.tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
-        displacements = self.h[:, None] * np.einsum(
-            "g,mga->ma", self.tables.weights, tangents.reshape(len(self.h), -1, 3)
-        )
+        """Positions of the boundaries from the frames and the internal forces."""
+        displacements = self.h[:, None] * np.einsum("g,mga->ma", self.tables.weights, self._rates())
         self.state.r[:] = np.concatenate((np.zeros((1, 3)), np.cumsum(displacements, axis=0)))
+
+    def _rates(self) -> np.ndarray:
+        """(m, g, 3) derivatives of the centreline by the arc length of the unloaded cable."""
+        tangents = quaternion.tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
+        tangents = tangents.reshape(len(self.h), -1, 3)
+        if self.compliance.any():
+            tension = np.einsum("ma,mga->mg", self.state.F, tangents)
+            tangents *= 1.0 + self.compliance[2] * tension[..., None]
+        return tangents
+
+    def centreline(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """(m, g + 1, 3) of `centreline.curve` at the last equilibrium, which (q, F) must be."""
+        higher = np.einsum("kg,mga->mka", self.tables.primitives, self._rates()) * self.h[:, None, None]
+        return np.concatenate((self.state.r[:-1, None], higher), axis=1)
+
+    def stretch_anywhere(self, at: np.ndarray, start: np.ndarray, length: float, points: np.ndarray) -> None:
+        if self.compliance.any():
+            turn = quaternion.matrix_from_ros(start[3:])
+            points[:] = (
+                start[:3]
+                + length
+                * positions(self.centreline(self.state.q, self.state.F[-1]), self.h, self.s0, at)
+                @ turn.T
+            )
 
     def _gauss_places(self) -> np.ndarray:
         """(m, g) arc lengths of the quadrature points."""
@@ -245,7 +272,8 @@ class NodalContacts(Rod):
         """
         self.refactor(self.state.q, self.state.F[-1])
         at, _, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
-        return softest(self._tangents, self._rows, at, contacts, self.start_vector(), iterations)
+        links = stiffness(self.state.q, self._model, PENALTY) if self.compliance.any() else RIGID
+        return softest(self._tangents, self._rows, at, contacts, self.start_vector(), iterations, links)
 
     def contact_stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of the c contacts: boundaries (c,), obstacles (c,), and stiffness (c, 3, 3) against motion there.

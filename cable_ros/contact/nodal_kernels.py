@@ -6,7 +6,7 @@ frames. All unknowns of one arc length stand together, and the tangent is banded
 
     g(q, F) = 0                               moments, the gradient of the Lagrangian by the frames
     F[k - 1] - F[k] - P[k] - f c = 0          forces at the boundary k of two elements, the middle of a cell c
-    r[k + 1] - r[k] - integral t ds = 0       positions, from the tangents
+    r[k + 1] - r[k] - integral t ds = 0       positions, from the tangents; with strain see `nodal_stretch`
 
 The weight f c of each cell acts where its contact does, so that what lies on a plane lies flat. With
 P = lambda n + tau1 d1 + tau2 d2 the force of an obstacle at a boundary, contact and friction are the
@@ -26,9 +26,11 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.distance import AXES, CENTRE, FRICTION_COEFFICIENT, across, gap
+from cable_ros.contact.nodal_stretch import strain_moments, strain_positions
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import LANES
 from cable_ros.rod.energy_kernels import FORCE, gradient
+from cable_ros.rod.rod_state import ENERGY
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -175,7 +177,10 @@ def residuals(state, model, step, work):
     evaluation = work.evaluation
     g, lanes = evaluation.g, evaluation.lanes
     elements = h.shape[0]
+    soft, strained = model.compliance[2] > 0.0, 0.0
     evaluation.acc[:] = 0.0
+    if soft:
+        strained = strain_moments(state, model, evaluation.acc)
     gradient(q, F, model.f, model.section, model.grid, evaluation)
     blocks = (lanes.shape[0] - 1) // elements
     weights = tables.weights
@@ -185,6 +190,9 @@ def residuals(state, model, step, work):
             for k in range(weights.shape[0]):  # the tangents stand where the forces were
                 v += weights[k] * lanes[e * blocks + k // LANES, (FORCE + a) * LANES + k % LANES]
             work.mismatch[e, a] = r[e + 1, a] - r[e, a] - h[e] * v
+    if soft:
+        strain_positions(state, model, work.mismatch)
+        evaluation.totals[ENERGY] += strained
     cell = 1.0 / (elements - 1)
     for k in range(1, elements):
         for a in range(3):

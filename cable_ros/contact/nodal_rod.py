@@ -22,7 +22,8 @@ from cable_ros.contact.nodal_state import ORDER, State
 from cable_ros.contact.travel import FRICTION_LEAST, FRICTION_STEP, SHORTER, stride, travel
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.extensible import least_force
+from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.units import relative_change
 
 TWIN = 0.75
@@ -57,6 +58,7 @@ class NodalRod(NodalSolver):
         obstacles: (o, WIDTH) that it may touch.
         points: number of contact points, each in the middle of a cell; see `point_count`.
         coulomb: whether there is friction.
+        compliance: (3,) in units of the cable, 0, 0, 1 / EA.
     """
 
     few = 25
@@ -66,9 +68,11 @@ class NodalRod(NodalSolver):
 
     def __init__(
         self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
-        points: int = FEWEST, coulomb: bool = True,
+        points: int = FEWEST, coulomb: bool = True, compliance: np.ndarray = NOTHING,
     ) -> None:  # fmt: skip
-        super().__init__(stiffness, natural, obstacles, points, coulomb)
+        super().__init__(stiffness, natural, obstacles, points, coulomb, compliance)
+        if self.compliance.any():
+            self.least = least_force(self.compliance)
         self.twin: NodalRod | None = None
         self.tried = 0  # trials that found no exact equilibrium beside it, see `handover.exact`
         self.follows = False  # whether it is a twin, which takes the other's steps
@@ -192,18 +196,22 @@ class NodalRod(NodalSolver):
         # neighbours on one side of the sphere of unit quaternions
         signs = np.cumprod(np.sign(np.concatenate(([1.0], np.sum(fresh[1:] * fresh[:-1], axis=1)))))
         state.q[:] = fresh * signs[:, None]
-        self._integrate()
         middles = self.s0 + 0.5 * self.h
         for e in range(m):
             state.F[e] = F + forces[arc_lengths > middles[e]].sum(axis=0) + rod.f * (m - 1 - e) / self.cells
+        if self.compliance.any():
+            # where its points are follows from the forces as the grid has them, and what sticks stays there
+            for s, force in zip(arc_lengths, forces, strict=True):
+                for k, share in self._shared(s):
+                    state.F[:k] += share * force
+                state.F[middles < s] -= force
+        self._integrate()
         state.lam[:], state.tau[:] = 0.0, 0.0
         self.obstacles, self._under, self._moved = rod.obstacles, rod.obstacles, False
         self.frames[:] = FIRST
         n, d, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
         for s, force, o in zip(arc_lengths, forces, obstacles, strict=True):
-            at = np.clip(s * self.cells + 0.5, 1.0, m - 1.0)
-            low = min(int(at), m - 2)
-            for k, share in ((low, low + 1 - at), (low + 1, at - low)):
+            for k, share in self._shared(s):
                 if share > 0.0:
                     gap(self._under[o], state.r[k], n, d, bends)
                     tangent_frame(n, FIRST, d)
@@ -224,13 +232,22 @@ class NodalRod(NodalSolver):
             self.twin_error = 0.0  # that friction is the other rod's, without a step on this grid
         return True
 
+    def _shared(self, s: float) -> tuple[tuple[int, float], tuple[int, float]]:
+        """The two boundaries beside arc length s that share a force there, and what each takes of it."""
+        m = len(self.h)
+        at = np.clip(s * self.cells + 0.5, 1.0, m - 1.0)
+        low = min(int(at), m - 2)
+        return (low, low + 1 - at), (low + 1, at - low)
+
     def doubt(self, error: float) -> None:
         """Let the relative error of the end wrench be this much at least; it fades slowly."""
         self.twin_error, self._estimate = max(self.twin_error, error), max(self._estimate, error)
 
     def pair(self) -> None:
         """Make the twin, of fewer cells, whose end wrench shows the error of the grid."""
-        twin = NodalRod(self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb)
+        twin = NodalRod(
+            self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb, self.compliance
+        )
         twin.follows, twin.work = True, 0.0
         arc_lengths, _, _, forces, obstacles, _, _ = self.contacts()
         found = twin.adopt(self, self.state.q, self.state.F[-1], arc_lengths, forces, obstacles, False)
@@ -244,7 +261,9 @@ class NodalRod(NodalSolver):
 
         The error that friction has from this grid stays; that of where contacts are does not.
         """
-        new = NodalRod(self.K, self.natural, self._under, int(FINER * self.cells), self.coulomb)
+        new = NodalRod(
+            self.K, self.natural, self._under, int(FINER * self.cells), self.coulomb, self.compliance
+        )
         new.work, new.tried = self.work, self.tried
         arc_lengths, _, _, forces, obstacles, _, _ = self.contacts()
         if not new.adopt(self, self.state.q, self.state.F[-1], arc_lengths, forces, obstacles):
@@ -255,18 +274,19 @@ class NodalRod(NodalSolver):
 
     def variant(
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
-        natural: np.ndarray | None = None, scale: float = 1.0,
+        natural: np.ndarray | None = None, scale: float = 1.0, compliance: np.ndarray | None = None,
     ) -> NodalRod:  # fmt: skip
-        """As `Rod.variant`, at the same equilibrium; the mesh stays."""
+        """As `Rod.variant`, at the same equilibrium and mesh. `compliance`: in the new unit of force."""
         section = self.K if stiffness is None else stiffness, self.natural if natural is None else natural
-        new = restored_rod(self._known(), self, *section, scale)
+        soft = scale * self.compliance if compliance is None else compliance
+        new = restored_rod(self._known(), self, *section, soft, scale)
         if self.twin is not None:
-            new.twin = self.twin.variant(None, stiffness, natural, scale)
+            new.twin = self.twin.variant(None, stiffness, natural, scale, compliance)
             new.twin.follows = True
         return new
 
     def snapshot(self) -> Callable[[], Rod]:
-        return partial(restored_rod, self._known(), self, self.K, self.natural)
+        return partial(restored_rod, self._known(), self, self.K, self.natural, self.compliance)
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Relative difference of its end wrench from its twin's, when they last were at one pose."""
@@ -274,17 +294,18 @@ class NodalRod(NodalSolver):
 
 
 def restored_rod(
-    known: Known, like: NodalRod, stiffness: np.ndarray, natural: np.ndarray, scale: float = 1.0
-) -> NodalRod:
+    known: Known, like: NodalRod, stiffness: np.ndarray, natural: np.ndarray, compliance: np.ndarray,
+    scale: float = 1.0,
+) -> NodalRod:  # fmt: skip
     """A rod without a twin at a known equilibrium, with the cells and the friction of the rod `like`.
 
     Args:
         known: the equilibrium.
         like: a rod.
-        stiffness, natural: as in `Rod`.
+        stiffness, natural, compliance: as in `NodalRod`.
         scale: of forces, new unit over old.
     """
-    new = NodalRod(stiffness, natural, known.under, like.cells, like.coulomb)
+    new = NodalRod(stiffness, natural, known.under, like.cells, like.coulomb, compliance)
     new.state.take(known.state)
     for forces in (new.state.F, new.state.lam, new.state.tau):
         forces /= scale

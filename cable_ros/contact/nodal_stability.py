@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.nodal_state import Rows
 from cable_ros.linalg import banded
 from cable_ros.rod.rod_state import Tangents
@@ -25,13 +25,15 @@ PENALTY = 1e8
 ITERATIONS = 60
 CHANGE = 1e-3
 """Relative change of the margin in one iteration that ends the search."""
+RIGID = np.zeros((0, 3, 3))
+"""The links of a cable that keeps its length: PENALTY holds them."""
 UNSTABLE = -1.0
 """Margin of an unstable equilibrium."""
 
 
 def softest(
     tangents: Tangents, rows: Rows, at: np.ndarray, contacts: np.ndarray, start: np.ndarray,
-    iterations: int = ITERATIONS,
+    iterations: int = ITERATIONS, links: np.ndarray = RIGID,
 ) -> float:  # fmt: skip
     """Smallest eigenvalue of the stiffness, relative to the elastic one; UNSTABLE if it is not positive.
 
@@ -42,11 +44,12 @@ def softest(
         contacts: (c, 6, 6) the part of the tangent that each contact makes, in the order of `at`.
         start: (3n,) rotations to start the search from, zero at the clamps.
         iterations: maximum number; with fewer the eigenvalue is too large, its sign is right with 1.
+        links: (m, 3, 3) stiffness against motion between the ends of the elements, if they stretch.
     """
     boundaries = np.searchsorted(rows.r, at[:, 0])
     K = condensed(contacts) if len(at) else np.zeros((0, 3, 3))
     elastic, geometric, dchord, _ = tangents
-    return float(_softest(elastic, geometric, dchord, boundaries, K, start, iterations))
+    return float(_softest(elastic, geometric, dchord, boundaries, K, start, iterations, links))
 
 
 def condensed(contacts: np.ndarray) -> np.ndarray:
@@ -66,13 +69,13 @@ def condensed(contacts: np.ndarray) -> np.ndarray:
 
 
 @njit(**OPTIONS)
-def _softest(elastic, geometric, dchord, boundaries, K, start, iterations):
+def _softest(elastic, geometric, dchord, boundaries, K, start, iterations, links):
     """See `softest`.
 
     Args:
         elastic, geometric, dchord: of `Tangents`.
         boundaries, K: boundaries (c,) at which contacts are, and their stiffness (c, 3, 3).
-        start, iterations: as in `softest`.
+        start, iterations, links: as in `softest`.
     """
     m, nd = dchord.shape[0], dchord.shape[2]
     order = nd // 3 - 1
@@ -97,8 +100,11 @@ def _softest(elastic, geometric, dchord, boundaries, K, start, iterations):
             if j >= 3:
                 a[row, width + psi[j] - row] += elastic[i, k] + geometric[i, k]
     # r[e + 1] - r[e] - dchord psi = 0, as a penalty
+    soft = links.shape[0] > 0
+    if soft:
+        _link(a, width, dchord, psi, links)
     numbers, values = np.empty(nd + 2, np.int64), np.empty(nd + 2)
-    for e in range(m):
+    for e in range(0 if soft else m):
         for c in range(3):
             numbers[0], values[0] = (block * e - 6 + c if e > 0 else -1), -1.0
             numbers[1], values[1] = (block * (e + 1) - 6 + c if e + 1 < m else -1), 1.0
@@ -135,6 +141,40 @@ def _softest(elastic, geometric, dchord, boundaries, K, start, iterations):
         if abs(out - before) <= CHANGE * out:
             break
     return out
+
+
+@njit(**INNER)
+def _link(a, width, dchord, psi, links):
+    """Add the stiffness of elements that stretch, whose three directions are coupled.
+
+    Args:
+        a, width: the matrix, row i and column j <= i at [i, width + j - i].
+        dchord: (m, 3, nd) of `Tangents`.
+        psi: (3n,) numbers of the rotations.
+        links: (m, 3, 3) as in `softest`.
+    """
+    m, nd = dchord.shape[0], dchord.shape[2]
+    order = nd // 3 - 1
+    block = 3 * (order + 1)
+    numbers, values = np.empty(nd + 6, np.int64), np.zeros((3, nd + 6))
+    for e in range(m):
+        for c in range(3):
+            numbers[c] = block * e - 6 + c if e > 0 else -1
+            numbers[3 + c] = block * (e + 1) - 6 + c if e + 1 < m else -1
+            values[c, c], values[c, 3 + c] = -1.0, 1.0
+            for j in range(nd):
+                values[c, 6 + j] = -dchord[e, c, j]
+        for j in range(nd):
+            i = 3 * e * order + j
+            numbers[6 + j] = psi[i] if i < psi.shape[0] - 3 else -1
+        for i in range(nd + 6):
+            for j in range(nd + 6):
+                if 0 <= numbers[j] <= numbers[i]:
+                    v = 0.0
+                    for c in range(3):
+                        for d in range(3):
+                            v += values[c, i] * links[e, c, d] * values[d, j]
+                    a[numbers[i], width + numbers[j] - numbers[i]] += v
 
 
 @njit(**LEAF)

@@ -56,6 +56,8 @@ class Model(NamedTuple):
     """(3,) zero: the load acts at the boundaries, see `Step.f`."""
     section: Section
     grid: Grid
+    compliance: np.ndarray
+    """(3,) against shear, which is 0, and tension, L^2 / EI; all 0 for a cable that keeps its length."""
 
 
 class Step(NamedTuple):

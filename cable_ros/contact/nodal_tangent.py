@@ -22,6 +22,7 @@ from cable_ros.contact.nodal_kernels import (
     slid,
     tangent_frame,
 )
+from cable_ros.contact.nodal_stretch import element_reach, strain_tangents
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import hessian
 
@@ -85,6 +86,11 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
     nd = 3 * (order + 1)
     cell = 1.0 / (elements - 1)
     hessian(q, F, model.f, model.section, model.grid, work.evaluation.radial, tangents)
+    soft = model.compliance[2] > 0.0
+    reach = np.zeros((elements, 3, 3))
+    if soft:
+        strain_tangents(state, model, tangents)
+        element_reach(q, model.grid, model.compliance, reach)
     total, low = number(work.near, order, rows)
     for i in range(total):
         for j in range(3 * low + 1):
@@ -121,6 +127,9 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
         for c in range(3):
             row = rows_F[e] + c
             b[row] = -work.mismatch[e, c]
+            if soft:
+                for k in range(3):
+                    a[row, low + k - c] -= reach[e, c, k]
             if e > 0:
                 k = rows_r[e] + c
                 a[row, low + k - row] -= 1.0

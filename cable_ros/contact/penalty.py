@@ -56,12 +56,12 @@ class PenaltyProblem(SpringRows):
     Args:
         rod: the rod, whose contact points it overwrites.
         stiffness: of the springs per length, EI / L^4.
-        minima: see `press`.
+        foundation: see `press`.
     """
 
-    def __init__(self, rod: ActiveSetRod, stiffness: float, minima: bool) -> None:
+    def __init__(self, rod: ActiveSetRod, stiffness: float, foundation: bool) -> None:
         super().__init__(rod)
-        self.stiffness, self.minima = stiffness, minima
+        self.stiffness, self.foundation = stiffness, foundation
         self.phi = np.empty((0 if rod.obstacles is None else len(rod.obstacles), len(rod.samples)))
 
     def _press(self, x: np.ndarray) -> float:
@@ -69,7 +69,7 @@ class PenaltyProblem(SpringRows):
         rod = self.rod
         rod.trace(x)
         rod.count = press(
-            rod.shape(x), rod.samples, rod.obstacles, rod.points, self.phi, self.stiffness, self.minima
+            rod.shape(x), rod.samples, rod.obstacles, rod.points, self.phi, self.stiffness, self.foundation
         )
         springs = rod.points[: rod.count]
         return 0.5 * float((springs[:, FORCE] ** 2 / springs[:, LENGTH]).sum()) / self.stiffness

@@ -26,6 +26,8 @@ DENSITIES = (1, 1, 2, 3)
 NEAR, FAR = 2, 1
 """The first of them from a shape whose contacts are right, as softer obstacles could let it through, and of a
 snap-through that leads away from them."""
+LAID, QUADRATURE = 1e-5, 1e-8
+"""Last step on a foundation, and relative error of its energy by the rule that integrates it."""
 SUNK = (np.inf, 0.03, 3e-3)
 """Maximum depth after the first, second, and later descents, L: a cable that is deeper stays inside."""
 DESCENT_OPTIONS = Options(
@@ -42,18 +44,19 @@ GRID = np.linspace(0.0, 1.0, 33)
 
 def descend(
     rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int = 0, taut: bool = False,
-    minima: bool = False,
+    foundation: bool = False, round_edges: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, int] | None:  # fmt: skip
     """The stable equilibrium with contact where a descent from (q, F) ends: q, F, iterations; or None.
 
     The obstacles are springs at first, SPRINGS[first] and on, which any shape can start from. A cable that
-    may be `taut` bends about them within short lengths; one that slides off edges needs springs at `minima`,
+    may be `taut` bends about them within short lengths; one that slides off edges needs a `foundation`,
     see `press`. Contacts and mesh are put back where it fails.
     """
     assert rod.obstacles is not None
     sharp, kept, mesh = rod.obstacles, rod.state(), rod.mesh
-    rod.obstacles = rounded(sharp)
-    found = _descend(rod, q, F, options, first, taut, minima)
+    if round_edges:
+        rod.obstacles = rounded(sharp)
+    found = _descend(rod, q, F, options, first, taut, foundation)
     if found is not None and rod.obstacles is not sharp:
         total = found[2]
         found = remove_rounding(rod, found[0], found[1], sharp, options.step_tolerance)
@@ -71,8 +74,9 @@ Descent = Callable[
 
 
 def _descend(
-    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int, taut: bool, minima: bool
-) -> tuple[np.ndarray, np.ndarray, int] | None:
+    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, options: Options, first: int, taut: bool,
+    foundation: bool,
+) -> tuple[np.ndarray, np.ndarray, int] | None:  # fmt: skip
     """`descend` among the rod's obstacles as they are; leaves the rod where it fails."""
     assert rod.obstacles is not None
     before, total = rod.points[: rod.count].copy(), 0
@@ -83,12 +87,15 @@ def _descend(
         rod.count = 0
         if taut:
             rod.densify(DENSITIES[stage])
-        soft = PenaltyProblem(rod, stiffness, minima)
+        soft = PenaltyProblem(rod, stiffness, foundation)
         most = max(1, int(min(options.iterations, rod.work / (SOFT * rod.elastic.shape[0]))))
-        result = minimize(soft, q, F, replace(options, iterations=most))
+        now = replace(options, iterations=most)
+        if foundation:
+            now = replace(now, step_tolerance=LAID, noise=QUADRATURE)
+        result = minimize(soft, q, F, now)
         total += result.iterations
         rod.spend(SOFT * result.iterations)
-        if not (result.converged or result.stalled):  # springs at minima have kinks, contacts do not
+        if not (result.converged or result.stalled):  # springs have kinks, contacts do not
             break
         q, F = result.x, result.y
         rod.ready = False

@@ -15,8 +15,19 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import ContactSet, Strain, shape_of
-from cable_ros.contact.distance import gap
-from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
+from cable_ros.contact.friction_kernels import DIRECTION
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    FORCE,
+    FRICTION,
+    KIND,
+    OBSTACLE,
+    SAMPLE,
+    SLIP_ROW,
+    SLOPE_ROW,
+    STICK_ROW,
+)
 from cable_ros.rod.centreline import curve, elongation, find_element, position, tangent, weight_up_to
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -76,6 +87,48 @@ def internal_forces(grid, forces, contacts, count, G):
             share = weight_up_to(tables.primitives, k, x) / tables.weights[k]
             for a in range(3):
                 G[e, k, a] += share * P[a]
+
+
+@njit(**INNER)
+def close_strained_curve(shape, forces, contacts, count, compliance, bubbles, out):
+    """As `centreline.close_curve`, with the strain at the ends of the elements.
+
+    Where a contact owns the boundary of two elements, friction makes the strain jump there.
+
+    Args:
+        shape, forces, contacts, count: as in `trace`, which has been called.
+        compliance: (3,) of `Stretch`.
+        bubbles: (2, g + 2), see `elements.end_bubbles`.
+        out: (m, g + 3, 3) overwritten.
+    """
+    q, c, (h, s0, tables) = shape
+    F, f = forces
+    points, normals = contacts.points, contacts.normals
+    order, top = tables.values.shape[1] - 1, c.shape[1]
+    G, t, misses = np.empty(3), np.empty(3), np.empty((2, 3))
+    for e in range(h.shape[0]):
+        for side in range(2):
+            s = s0[e] + side * h[e]
+            for a in range(3):
+                G[a] = F[a] + (1.0 - s) * f[a]
+            for i in range(count):
+                at = points[i, ARC_LENGTH]
+                ahead = at > s0[e] if side == 0 else find_element(at, s0, h)[0] > e
+                if ahead:
+                    for a in range(3):
+                        G[a] += points[i, FORCE] * normals[i, a] + points[i, FRICTION + a]
+            tangent(q[(e + side) * order], t)
+            long = h[e] * (1.0 + compliance[2] * (G[0] * t[0] + G[1] * t[1] + G[2] * t[2]))
+            for a in range(3):
+                misses[side, a] = long * t[a]
+        for a in range(3):
+            misses[0, a] -= c[e, 1, a]
+            for k in range(top):
+                out[e, k, a] = c[e, k, a]
+                misses[1, a] -= k * c[e, k, a]
+            out[e, top, a] = out[e, top + 1, a] = 0.0
+            for k in range(top + 1):
+                out[e, k + 1, a] += bubbles[0, k] * misses[0, a] + bubbles[1, k] * misses[1, a]
 
 
 @njit(**LEAF)
@@ -178,13 +231,14 @@ def reach_blocks(q, grid, compliance, arc_lengths, out):
 
 
 @njit(**INNER)
-def reach_rows(blocks, owners, lines, count, reach):
+def reach_rows(blocks, owners, lines, pushes, count, reach):
     """How far each row's constraint gives way to each row's multiplier by the strain: `Strain.reach`.
 
     Args:
         blocks: of `reach_blocks`.
         owners: (rows,) the point that each row reads the position of.
-        lines: (rows, 3) directions along which rows read a position; their multipliers act along them, too.
+        lines: (rows, 3) directions along which rows read a position.
+        pushes: (rows, 3) directions in which their multipliers act.
         count: number of rows.
         reach: (rows, rows) overwritten.
     """
@@ -193,8 +247,59 @@ def reach_rows(blocks, owners, lines, count, reach):
             v = 0.0
             for i in range(3):
                 for j in range(3):
-                    v += lines[a, i] * blocks[owners[a], owners[b], i, j] * lines[b, j]
+                    v += lines[a, i] * blocks[owners[a], owners[b], i, j] * pushes[b, j]
             reach[a, b] = v
+
+
+@njit(**INNER)
+def row_reaches(shape, obstacles, contacts, count, terms, rows, total, strain):
+    """`Strain.reach` of all constraint rows; `Strain.skew`, too, if there is friction, and whether there is.
+
+    A friction P that goes along with its point by ds displaces all that is beyond by c (P.t) t ds; what
+    sticks at that point is off by the difference of the strains, see `PointTerms.creep`.
+
+    Args:
+        shape, obstacles, contacts, count: as in `assembly.constraint_rows`.
+        terms: `PointTerms`.
+        rows: `ConstraintRows`, whose first three lines, those of the end position, are overwritten.
+        total: number of rows.
+        strain: `Strain`, overwritten.
+    """
+    points, lines = contacts.points, rows.lines
+    for b in range(3):
+        for a in range(3):
+            lines[b, a] = 1.0 if a == b else 0.0
+    blocks = np.empty((count + 1, count + 1, 3, 3))
+    reach_blocks(shape.q, shape.grid, strain.compliance, points[:count, ARC_LENGTH].copy(), blocks)
+    reach_rows(blocks, rows.owners, lines, lines, total, strain.reach)
+    rough = False
+    pushes = lines[:total].copy()
+    for i in range(count):
+        mu = obstacles[int(points[i, OBSTACLE]), FRICTION_COEFFICIENT]
+        for a in range(3):
+            rough = rough or points[i, FRICTION + a] != 0.0
+            pushes[3 + i, a] += mu * terms.tangents[i, DIRECTION + a]
+    if not rough:
+        return False
+    reach_rows(blocks, rows.owners, lines, pushes, total, strain.skew)
+    for i in range(count):
+        moves, t, at = int(points[i, SLOPE_ROW]), terms.t[i], points[i, ARC_LENGTH]
+        if points[i, KIND] == SAMPLE or moves == 0 or points[i, FORCE] == 0.0:
+            continue
+        ds = 1.0 / (points[i, FORCE] * elongation(shape.c, shape.grid.h, shape.grid.s0, at))
+        pull = points[i, FRICTION] * t[0] + points[i, FRICTION + 1] * t[1] + points[i, FRICTION + 2] * t[2]
+        stick, slip = int(points[i, STICK_ROW]), int(points[i, SLIP_ROW])
+        for b in range(total):
+            j = rows.owners[b]
+            if j == count or points[j, ARC_LENGTH] > at:
+                shift, moved = ds * strain.compliance[2] * pull, t
+            elif j == i and ((stick > 0 and stick <= b <= stick + 1) or (slip > 0 and b == slip)):
+                shift, moved = ds, terms.creep[i]
+            else:
+                continue
+            for a in range(3):
+                strain.skew[b, moves] += shift * lines[b, a] * moved[a]
+    return True
 
 
 @njit(**OPTIONS)

@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.fixed_set import ROWS
-from cable_ros.contact.friction_kernels import FRICTIONLESS
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.gap_search import passed
 from cable_ros.contact.penalty_continuation import descend, descend_instead
 from cable_ros.contact.report import positions
@@ -24,6 +24,8 @@ from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.solve.trust_region import Options
 
+REACHES = "row_reach", "skew_reach"
+"""Large arrays, of which few rows are used."""
 SHORTER = (0.95, 0.9, 0.8)
 """Maximum distances of the clamps, L, at which a cold start seeks the inextensible equilibrium, in turn."""
 SHORTEST = 1e-3
@@ -31,11 +33,13 @@ SHORTEST = 1e-3
 
 
 class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
-    """A `TouchingRod` with compliance against tension, without friction.
+    """A `TouchingRod` with compliance against tension.
 
     None against shear: a section that shears has a kink under a point force, so it touches a smooth obstacle
-    at no single point. Friction lets the tension jump, and what sticks creeps as its contact rolls along the
-    cable. It has no penalty method: a descent goes through the inextensible rod.
+    at no single point. Friction lets the tension jump. Where a contact that sticks rolls along the cable, the
+    cable creeps over the obstacle as a belt does over a pulley: the material that comes into contact sticks,
+    and has another strain once the contact has passed. There is no penalty method: a descent goes through the
+    inextensible rod.
 
     Args:
         mesh, stiffness, natural, tolerance, density: as in `TouchingRod`.
@@ -54,24 +58,27 @@ class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
         super()._allocate(mesh)
         self.c = np.zeros((*self.c.shape[:2], 4))
         self.internal = np.zeros((len(self.h), len(self.tables.points), 3))
-        self.row_reach = np.zeros((ROWS, ROWS))
+        self.row_reach, self.skew_reach = np.zeros((ROWS, ROWS)), np.zeros((ROWS, ROWS))
 
     def __getstate__(self) -> dict[str, Any]:
-        return super().__getstate__() | {"row_reach": self.row_reach[: self.rows, : self.rows].copy()}
+        used = slice(self.rows), slice(self.rows)
+        return super().__getstate__() | {name: getattr(self, name)[used].copy() for name in REACHES}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
-        used, self.row_reach = self.row_reach, np.zeros((ROWS, ROWS))
-        self.row_reach[: len(used), : len(used)] = used
+        for name in REACHES:
+            used, whole = state[name], np.zeros((ROWS, ROWS))
+            whole[: len(used), : len(used)] = used
+            setattr(self, name, whole)
 
     @property
     def strain(self) -> tuple[np.ndarray, ...]:  # type: ignore[override]
-        return self.compliance, self.internal, self.row_reach
+        return self.compliance, self.internal, self.row_reach, self.skew_reach
 
     @property
     def replaceable(self) -> bool:  # type: ignore[override]
-        """A grid of contacts does not stretch."""
-        return False
+        """Without friction's history a descent does better than a grid."""
+        return self.model == COULOMB
 
     def _like(
         self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray, tolerance: float, scale: float
@@ -121,7 +128,7 @@ class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
         internal, moved = np.empty((len(self.h), len(self.fine.points), 3)), np.empty_like(boundaries)
         displaced(
             (q, self.c, grid), (F, self.f), self.contacts, self.count,
-            (self.compliance, internal, self.row_reach), moved,
+            (self.compliance, internal, *self.strain[2:]), moved,
         )  # fmt: skip
         entry_points.strain_gradient(q, internal, self.f, grid, self.stretching, self.acc)
         boundaries -= moved
@@ -156,7 +163,10 @@ class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
             known = self._near(q, F, options.step_tolerance)
             if known is not None:
                 return known
-        return self.from_inextensible(q, F, options)
+        forgot = self.forgot or (self.model == COULOMB and self.count > 0)
+        found = self.from_inextensible(q, F, options)
+        self.forgot = forgot
+        return found
 
     def _near(
         self, q: np.ndarray, F: np.ndarray, tolerance: float
@@ -179,8 +189,17 @@ class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
         """From the equilibrium of the inextensible rod, with the clamps nearer each other if it is taut.
 
-        `first` as in `descend`; None: from any shape.
+        `first` as in `descend`; None: from any shape. There is no friction then.
         """
+        model = self.model
+        try:
+            return self._from_inextensible(q, F, options, first)
+        finally:
+            self.use_friction(model)
+
+    def _from_inextensible(
+        self, q: np.ndarray, F: np.ndarray, options: Options, first: int | None
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
         chord = float(np.linalg.norm(self.re))
         nearer = [1.0] if chord < SHORTER[0] else []
         for share in nearer + [most / chord for most in SHORTER if most < chord]:

@@ -79,8 +79,15 @@ class TouchingRod(ActiveSetRod):
             found = descend(self, q, F, near, NEAR)
             if found is not None or self.work <= 0.0:
                 return found
-            return descend(self, q, F, options, FAR, minima=True)
+            return descend(self, q, F, options, FAR, foundation=True)
         return descend(self, q, F, options)
+
+    def fall(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        # it starts outside of the obstacles, so their edges may be sharp and their foundation stiff
+        self.ready = False
+        return descend(self, q, F, options, NEAR, foundation=True, round_edges=False)
 
     def _from_contacts(
         self, q: np.ndarray, F: np.ndarray, tolerance: float

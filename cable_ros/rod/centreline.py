@@ -132,6 +132,31 @@ def position(c, h, s0, s, r):
 def elongation(c, h, s0, s):
     """1 + axial strain at arc length s, of a centreline c (m, g + 1, 4) that has the stretched arc length."""
     e, x = find_element(s, s0, h)
+    return rate(c, h, e, x)
+
+
+@njit(**LEAF)
+def elongation_before(c, h, s0, s):
+    """As `elongation`, where it jumps that before s."""
+    e, x = find_element(s, s0, h)
+    return rate(c, h, e - 1, 1.0) if x == 0.0 and e > 0 else rate(c, h, e, x)
+
+
+@njit(**LEAF)
+def derivative(c, h, s0, s, out):
+    """Derivative of `position` by the arc length s, out (3,)."""
+    e, x = find_element(s, s0, h)
+    top = c.shape[1] - 1
+    for a in range(3):
+        v = top * c[e, top, a]
+        for k in range(top - 1, 0, -1):
+            v = v * x + k * c[e, k, a]
+        out[a] = v / h[e]
+
+
+@njit(**LEAF)
+def rate(c, h, e, x):
+    """`elongation` at x in [0, 1] of the element e."""
     top = c.shape[1] - 1
     v = top * c[e, top, 3]
     for k in range(top - 1, 0, -1):

@@ -46,8 +46,7 @@ class StretchingRod(Rod):
     ) -> None:
         self.compliance = np.ascontiguousarray(compliance, float)
         self.stretch, self.reach = np.zeros(4), np.zeros((3, 3))
-        # rounding of the end position, as force
-        self.least = max(1e-3, 1e-10 / float(np.max(self.compliance)))
+        self.least = least_force(self.compliance)
         super().__init__(mesh, stiffness, natural)
 
     def variant(
@@ -259,6 +258,11 @@ class StretchingRod(Rod):
         """As `Rod.wrench_error`; the added polynomials see the stretch at the solution only."""
         pull, displacement = self._stretch(q, F, self.f, self.fine)
         return self._wrench_error(q, F, self.re - displacement, pull)
+
+
+def least_force(compliance: np.ndarray) -> float:
+    """`Rod.least` of a rod with this compliance (3,): rounding of the end position, as force."""
+    return max(1e-3, 1e-10 / float(np.max(compliance)))
 
 
 def _continuation(

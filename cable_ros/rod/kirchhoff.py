@@ -13,8 +13,8 @@ from cable_ros.rod import entry_points, error_estimate, quaternion, warm_step
 from cable_ros.rod.clamp_stiffness import clamp_response
 from cable_ros.rod.elements import Mesh, enrichment
 from cable_ros.rod.energy_kernels import workspace
-from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.rod_state import ENERGY
+from cable_ros.rod.without_contact import NOTHING, WithoutContact
 from cable_ros.solve.trust_region import Options, minimize
 
 ORDER = 6
@@ -23,12 +23,11 @@ ORDER = 6
 REFACTOR, OFF = 0.05, 0.1
 """Rotation of a section, rad, after which factors, stability margin and error estimate are renewed; and the
 relative error of the margin, extrapolated from its last change, at which they are renewed earlier."""
-NOTHING = np.zeros(3)
 NO_LINES, NO_ELEMENTS, NO_DELTA = np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0)
 """For `error_estimate.error`: no contact."""
 
 
-class Rod:
+class Rod(WithoutContact):
     """A Kirchhoff rod in units of the cable, in its start clamp's frame; see `rod.energy_kernels`.
 
     Implements `solve.trust_region.Problem`: points are nodal quaternions (n, 4), multipliers the end force
@@ -40,26 +39,11 @@ class Rod:
         natural: (3,) curvature and twist of the unloaded cable.
     """
 
-    obstacles: np.ndarray | None = None
-    """(o, WIDTH) obstacles; None: no contact."""
-
     work = np.inf
     """Budget left for a solve, iterations times unknowns: results must not depend on the clock."""
 
     few = 3
     """Maximum number of iterations of a step after which the next one may be longer."""
-
-    remembers = False
-    """Whether snap-throughs keep friction's history."""
-
-    short = False
-    """Whether the step is so short that a shorter one hardly costs less than a descent."""
-
-    patience = 0
-    """Number of penalty continuations left for failed steps, see `penalty_continuation.descend_instead`."""
-
-    touches = False
-    """Whether a contact is loaded."""
 
     compliance = NOTHING
     """(3,) of shear and axial strain, EI / L^2 over the stiffness."""
@@ -69,36 +53,6 @@ class Rod:
 
     given = NOTHING
     """(3,) part of the end force that is given, EI / L^2."""
-
-    frictional = False
-    """Whether it touches something with friction."""
-
-    lies = False
-    """Whether it lies along an obstacle with friction."""
-
-    all_slip = False
-    """Whether all contacts are points and slip: where a patch lies depends on the past even as it slips."""
-
-    on_grid = False
-    """Whether its contacts sit at fixed material points, whose spacing limits its accuracy."""
-
-    replaceable = False
-    """Whether a rod whose contacts sit on a grid can take its place where a step fails."""
-
-    adapts_mesh = False
-    """Whether its steps change the lengths of the elements."""
-
-    longest_step = np.inf
-    """Maximum motion of clamps and obstacles in one step, L."""
-
-    first_stride = 0.5
-    """Maximum first step of a continuation over the longest one."""
-
-    stride = 2.0
-    """Length of the next step over that of the last, as friction allows."""
-
-    forgot = False
-    """Whether a descent has lost friction's history."""
 
     least = 1e-6
     """Wrench, in units of the cable, to which smaller ones are rounded up in a relative error."""
@@ -199,19 +153,6 @@ class Rod:
         """A function that makes a copy of this rod as it is now; cheap until it is called."""
         return self.variant
 
-    def use_friction(self, model: int) -> None:
-        """Let contacts obey the friction `model`, see `contact.friction_kernels`."""
-
-    def loaded_contacts(self, q: np.ndarray) -> Callable[[], LoadedContacts] | None:
-        """A function that lists the contacts of the equilibrium with nodal frames q (n, 4), which it keeps;
-        cheap until it is called. None: no contact.
-        """
-        return None
-
-    def contact_force(self) -> np.ndarray:
-        """(3,): force of the obstacles on the rod."""
-        return NOTHING
-
     # Problem
 
     def value(self, x: np.ndarray) -> tuple[float, np.ndarray]:
@@ -277,6 +218,12 @@ class Rod:
         if not result.converged:
             return None
         return (result.x, result.y, result.iterations) if self.refactor(result.x, result.y) else None
+
+    def fall(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """`minimum` from a shape that has just lost its stability; knows nothing of friction."""
+        return self.minimum(q, F, options)
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
         """Factor the tangent at (q, F); whether that is a strict minimum."""
@@ -384,15 +331,3 @@ class Rod:
         """Estimated relative error of the end wrench; see `units.relative_change`."""
         change = self.wrench_error(q, F)
         return float(error_estimate.relative_error(change, F, self.g[-1], self.shares, self.least))
-
-    def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """(2,) what lying at the clamps adds to `relative_error`; see `FixedSetRod`."""
-        return np.zeros(2)
-
-    def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
-        """What friction adds to `relative_error`; see `FixedSetRod`."""
-        return 0.0
-
-    def contact_changed(self) -> bool:
-        """Whether `friction_error` should be asked again; see `FixedSetRod`."""
-        return False

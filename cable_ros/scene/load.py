@@ -145,7 +145,7 @@ def load_scene(
     friction_model = top.choice("friction_model")
     effects = _effects(top)
     if obstacles:
-        _check_strain_with_contact(top, cables, obstacles, effects)
+        _check_strain_with_contact(top, cables, obstacles, friction_model, effects)
         _check_clamps_with_contact(top, cables, effects)
         _check_friction_with_supports(top, cables, obstacles, effects)
     cable_contact, cable_friction = _cable_contact(top, effects)
@@ -160,14 +160,15 @@ def load_scene(
 
 
 def _check_strain_with_contact(
-    top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], effects: str | tuple[str, ...]
-) -> None:
-    """A section that shears touches at no single point; friction is that of a cable of constant length."""
+    top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], friction_model: str,
+    effects: str | tuple[str, ...],
+) -> None:  # fmt: skip
+    """A section that shears touches at no single point; friction by the end's motion knows no strain."""
 
     def both(*names: str) -> bool:
         return isinstance(effects, str) or set(names) <= set(effects)
 
-    rough = any(obstacle.friction for obstacle in obstacles)
+    slides = friction_model == "sliding" and any(obstacle.friction for obstacle in obstacles)
     for i, cable in enumerate(cables):
         if cable.shear_stiffness is not None and both("shear", "contact"):
             top.fail(
@@ -175,10 +176,10 @@ def _check_strain_with_contact(
                 "or let 'effects' list one of the two",
                 f"cables[{i}].shear_stiffness",
             )
-        if cable.axial_stiffness is not None and rough and both("stretch", "contact", "friction"):
+        if cable.axial_stiffness is not None and slides and both("stretch", "contact", "friction"):
             top.fail(
-                "stretch and friction cannot be combined yet; leave axial_stiffness or the obstacles' "
-                "friction out, or let 'effects' list one of the two",
+                "stretch and friction_model sliding cannot be combined; choose coulomb, leave "
+                "axial_stiffness or the obstacles' friction out, or let 'effects' list one of the two",
                 f"cables[{i}].axial_stiffness",
             )
 

@@ -61,6 +61,8 @@ class Options:
     step_tolerance: float = 1e-10
     constraint_tolerance: float = 1e-10
     iterations: int = 100
+    noise: float = 1e-13
+    """Error of the objective, relative to 1 + its size: what a step may lose."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,7 @@ def minimize(problem: Problem, x: Any, y: np.ndarray, options: Options = Options
         trial = problem.retract(x, s)
         trial_objective, trial_c = problem.value(trial)
         actual = objective - trial_objective + penalty * (violation - float(np.linalg.norm(trial_c)))
-        noise = 1e-13 * (1.0 + abs(objective) + penalty)
+        noise = options.noise * (1.0 + abs(objective) + penalty)
         ratio = (actual + noise) / (predicted + noise) if predicted > -noise else -1.0
         if ratio < 0.25 and np.all(np.isfinite(trial_c)):
             # the constraints' own curvature can spoil a good step: correct for it before giving it up

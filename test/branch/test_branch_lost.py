@@ -17,7 +17,7 @@ from zoo_make import ARM
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.branch import cable_tracker, handover
 from cable_ros.branch.branch_record import BranchRecord, Loss
-from cable_ros.branch.continuation import FOLD, SMALL, SnapThrough
+from cable_ros.branch.snap_through import FOLD, SMALL, SnapThrough
 from cable_ros.joint import joint_load, joint_stiffness, joint_torque
 from cable_ros.log import events
 from cable_ros.log.resolve import Outcome, resolve

@@ -92,9 +92,9 @@ def test_without_friction(shape: str) -> None:
         assert block == pytest.approx(block.T, abs=1e-9 * np.abs(block).max())
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_what_sticks(shape: str) -> None:
-    rod = pressed(shape, 0.4)
+@pytest.mark.parametrize(("shape", "soft"), [*((shape, 0.0) for shape in SHAPES), ("sphere", 2e-3)])
+def test_what_sticks(shape: str, soft: float) -> None:
+    rod = pressed(shape, 0.4, soft=soft)
     rough = rod._under.copy()
     rough[:, FRICTION_COEFFICIENT] = 2.0  # what slipped sticks with the friction that it had
     go(rod, Conditions(rod.qe, rod.re, rod.f, rough))
@@ -104,13 +104,14 @@ def test_what_sticks(shape: str) -> None:
     assert off(rod.wrench_response(rod.shape, rod.end_force, [0]), differences(rod, 1)) < OFF
 
 
-def test_what_slips_goes_on_slipping_the_same_way() -> None:
+@pytest.mark.parametrize("soft", [0.0, 2e-3])
+def test_what_slips_goes_on_slipping_the_same_way(soft: float) -> None:
     # all in the plane of x and z, the ground drawn along z under the cable
     conditions = Conditions(
         rotation([0.0, -0.2, 0.0]), np.array([0.05, 0.0, 0.92]), np.array([-30.0, 0.0, 0.0]),
         ground(-0.4, 0.4)[None],
     )  # fmt: skip
-    rod = start(conditions, 64)
+    rod = start(conditions, 64, soft=soft)
     bodies = raised(conditions.obstacles, 0.2525)
     go(rod, Conditions(rod.qe, rod.re, rod.f, bodies))
     go(rod, Conditions(rod.qe, rod.re, rod.f, rigid(bodies, np.array([0.0, 0.0, 0.05]), np.zeros(3))))

@@ -317,13 +317,15 @@ def test_no_shear_with_contact_yet(effects: Any) -> None:
 
 
 @pytest.mark.parametrize("effects", ["all", "auto", ["stretch", "contact", "friction"]])
-def test_no_stretch_with_friction_yet(effects: Any) -> None:
+def test_no_stretch_with_mobilised_friction(effects: Any) -> None:
     mapping = scene([0, 0, 0.7], axial_stiffness=100.0)
-    mapping |= {"effects": effects, "obstacles": [BALL | {"friction": 0.1}]}
+    mapping |= {"effects": effects, "obstacles": [BALL | {"friction": 0.1}], "friction_model": "sliding"}
     with pytest.raises(
-        SceneError, match=r"cables\[0\].axial_stiffness: stretch and friction cannot be combined"
+        SceneError,
+        match=r"cables\[0\].axial_stiffness: stretch and friction_model sliding cannot be combined",
     ):
         load_scene(mapping)
+    load_scene({**mapping, "friction_model": "coulomb"})
     load_scene({**mapping, "effects": ["contact", "friction"]})
     load_scene({**mapping, "effects": ["stretch", "contact"]})
     load_scene({**mapping, "obstacles": [BALL]})

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The discrete rod of `coulomb_rod`: residual, Jacobian, banded elimination and the semismooth Newton loop.
 
-Units of the cable (length 1, forces in EI / L^2). Segment j (0..n-1) has the frame q_j (quaternion, scalar
-first) and the force F_j (3,) that the part beyond exerts on the part before it; node i (0..n) has the
-position x_i (3,). The energy of a joint between two frames is h/2 kappa.K.kappa with
-kappa = (2/h) vec(q_a* q_b); at the clamps the spacing is h/2. Unknowns in the order psi_0, F_0, x_1, psi_1,
-F_1, ..., F_{n-1}: nine per segment, bandwidth 11 on either side. Contact forces lam (K, n + 1, 3), one per
-obstacle and node, are unknowns too and are eliminated node by node.
+Units of the cable (length 1, forces in EI / L^2). A segment stretches by its tension over EA. Segment j
+(0..n-1) has the frame q_j (quaternion, scalar first) and the force F_j (3,) that the part beyond exerts on
+the part before it; node i (0..n) has the position x_i (3,). The energy of a joint between two frames is h/2
+kappa.K.kappa with kappa = (2/h) vec(q_a* q_b); at the clamps the spacing is h/2. Unknowns in the order
+psi_0, F_0, x_1, psi_1, F_1, ..., F_{n-1}: nine per segment, bandwidth 11 on either side. Contact forces lam
+(K, n + 1, 3), one per obstacle and node, are unknowns too and are eliminated node by node.
 """
 
 from __future__ import annotations
@@ -96,11 +96,11 @@ def joint(a, b, K, spacing, ga, gb, J):
 def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
     """Residual (into rhs, negative) and its Jacobian (band storage ab). Returns the squared merit.
 
-    rod: K (3,), w (3,), clamps' frames q0, q1 (4,), drag. contact: kinds (K,), shapes (K, 7), frames
+    rod: K (3,), w (3,), clamps' frames q0, q1 (4,), drag, 1 / EA. contact: kinds (K,), shapes (K, 7), frames
     (K, 3, 3), origins (K, 3), mu (K,), radius, r, eps. state: carried positions and old tractions
     (K, n + 1, 3), positions for the drag (n + 1, 3). aic, aib: what gives the contact forces' increments.
     """
-    K, w, q0, q1, drag = rod
+    K, w, q0, q1, drag, soft = rod
     kinds, shapes, frames, origins, mu, radius, r, eps = contact
     carried, old, before = state
     n = q.shape[0]
@@ -135,22 +135,31 @@ def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
         rotation(q[j], R)
         fb = R.T @ F[j]
         base = 9 * j
-        rhs[base] -= h * fb[1]  # residual -h e3 x fb = h (fb_y, -fb_x, 0)
-        rhs[base + 1] += h * fb[0]
+        la = h * (1.0 + soft * fb[2])  # length of the stretched chord
+        rhs[base] -= la * fb[1]  # residual -la e3 x fb = la (fb_y, -fb_x, 0)
+        rhs[base + 1] += la * fb[0]
         for i in range(3):
-            rhs[base + 3 + i] = -scale * (x[j + 1, i] - x[j, i] - h * R[i, 2])
+            rhs[base + 3 + i] = -scale * (x[j + 1, i] - x[j, i] - la * R[i, 2])
         if jacobian:
             for i in range(2):
-                ab[base + i, BAND] += h * fb[2]
+                ab[base + i, BAND] += la * fb[2]
             for i in range(2):
-                ab[base + i, 2 - i + BAND] -= h * fb[i]
+                ab[base + i, 2 - i + BAND] -= la * fb[i]
+            # by the change of the length: soft h (fb_x psi_y - fb_y psi_x + R_2 . dF)
+            more = soft * h
+            ab[base, BAND] -= more * fb[1] * fb[1]
+            ab[base, 1 + BAND] += more * fb[1] * fb[0]
+            ab[base + 1, -1 + BAND] += more * fb[0] * fb[1]
+            ab[base + 1, BAND] -= more * fb[0] * fb[0]
             for i in range(3):
-                # moment: h (R_1 . F, -R_0 . F, 0) with the columns of R; constraint: -h R (psi x e3)
-                ab[base, 3 + i + BAND] += h * R[i, 1]
-                ab[base + 1, 2 + i + BAND] -= h * R[i, 0]
+                # moment: la (R_1 . F, -R_0 . F, 0) with the columns of R; constraint: -la R (psi x e3)
+                ab[base, 3 + i + BAND] += la * R[i, 1] + more * fb[1] * R[i, 2]
+                ab[base + 1, 2 + i + BAND] -= la * R[i, 0] + more * fb[0] * R[i, 2]
                 row = base + 3 + i
-                ab[row, -3 - i + BAND] += scale * h * R[i, 1]
-                ab[row, -2 - i + BAND] -= scale * h * R[i, 0]
+                ab[row, -3 - i + BAND] += scale * (la * R[i, 1] + more * fb[1] * R[i, 2])
+                ab[row, -2 - i + BAND] -= scale * (la * R[i, 0] + more * fb[0] * R[i, 2])
+                for k in range(3):
+                    ab[row, k - i + BAND] -= scale * more * R[i, 2] * R[k, 2]
                 if j < n - 1:
                     ab[row, 3 + BAND] += scale
                 if j > 0:

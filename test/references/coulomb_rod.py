@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A rod led along a path with unilateral contact and Coulomb friction: a fine discrete rod, step by step.
 
-Independent of the solver: chords of equal length with section frames (Lagrange multipliers keep them
-inextensible and unsheared), contact at the nodes, friction by the increments of the nodes over the obstacle
-(Alart and Curnier 1991, semismooth Newton) and a path cut into small steps. Contact and stick have the
-compliance `GIVE`, which falls with the third power of the segments' length and makes the traction of what
-sticks a matter of its history. Friction acts at the centreline; the nodes at the clamps touch nothing.
-Without contact the error is of second order in the segments; with contact, two resolutions estimate it.
+Independent of the solver: chords of equal length, or stretched by their tension, with section frames
+(Lagrange multipliers keep them unsheared), contact at the nodes, friction by the increments of the nodes
+over the obstacle (Alart and Curnier 1991, semismooth Newton) and a path cut into small steps. Contact and
+stick have the compliance `GIVE`, which falls with the third power of the segments' length and makes the
+traction of what sticks a matter of its history. Friction acts at the centreline; the nodes at the clamps
+touch nothing. Without contact the error is of second order in the segments; with contact, two resolutions
+estimate it.
 """
 
 from __future__ import annotations
@@ -76,6 +77,8 @@ class Path:
     """(3,) rotation vector of that bend in the start clamp's frame, rad; None: the shortest."""
     push: np.ndarray | None = None
     """(3,) extra load, N/m, while the first equilibrium is sought: selects the side to which it buckles."""
+    axial: float = np.inf
+    """EA, N."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +170,14 @@ class _Walk:
             new.lam = old.copy()
         new.x[-1] = end[:3]
         h = 1.0 / n
-        rod = (self.K, self.w if load is None else load, _first(self.start), _first(end), drag)
+        rod = (
+            self.K,
+            self.w if load is None else load,
+            _first(self.start),
+            _first(end),
+            drag,
+            self.force / self.path.axial,
+        )
         touch = (
             self.kinds,
             self.shapes,

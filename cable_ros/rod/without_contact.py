@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a rod that touches nothing says where one in contact says more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cable_ros.rod.loaded_contacts import LoadedContacts
+
+NOTHING = np.zeros(3)
+
+
+class WithoutContact:
+    """The part of `Rod` that rods in contact replace, see `contact`."""
+
+    obstacles: np.ndarray | None = None
+    """(o, WIDTH) obstacles; None: no contact."""
+
+    remembers = False
+    """Whether snap-throughs keep friction's history."""
+
+    short = False
+    """Whether the step is so short that a shorter one hardly costs less than a descent."""
+
+    patience = 0
+    """Number of penalty continuations left for failed steps, see `penalty_continuation.descend_instead`."""
+
+    touches = False
+    """Whether a contact is loaded."""
+
+    frictional = False
+    """Whether it touches something with friction."""
+
+    lies = False
+    """Whether it lies along an obstacle with friction."""
+
+    all_slip = False
+    """Whether all contacts are points and slip: where a patch lies depends on the past even as it slips."""
+
+    on_grid = False
+    """Whether its contacts sit at fixed material points, whose spacing limits its accuracy."""
+
+    replaceable = False
+    """Whether a rod whose contacts sit on a grid can take its place where a step fails."""
+
+    adapts_mesh = False
+    """Whether its steps change the lengths of the elements."""
+
+    longest_step = np.inf
+    """Maximum motion of clamps and obstacles in one step, L."""
+
+    first_stride = 0.5
+    """Maximum first step of a continuation over the longest one."""
+
+    stride = 2.0
+    """Length of the next step over that of the last, as friction allows."""
+
+    forgot = False
+    """Whether a descent has lost friction's history."""
+
+    def use_friction(self, model: int) -> None:
+        """Let contacts obey the friction `model`, see `contact.friction_kernels`."""
+
+    def loaded_contacts(self, q: np.ndarray) -> Callable[[], LoadedContacts] | None:
+        """A function that lists the contacts of the equilibrium with nodal frames q (n, 4), which it keeps;
+        cheap until it is called. None: no contact.
+        """
+        return None
+
+    def lets_go(self, q: np.ndarray, F: np.ndarray) -> bool:
+        """Whether only a contact that is about to end holds the cable at the equilibrium (q, F)."""
+        return False
+
+    def contact_force(self) -> np.ndarray:
+        """(3,): force of the obstacles on the rod."""
+        return NOTHING
+
+    def polished(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+        """The equilibrium (q, F) to rounding, where `relative_error` needs that; see `ActiveSetRod`."""
+        return q, F
+
+    def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """(2,) what lying at the clamps adds to `relative_error`; see `FixedSetRod`."""
+        return np.zeros(2)
+
+    def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
+        """What friction adds to `relative_error`; see `FixedSetRod`."""
+        return 0.0
+
+    def contact_changed(self) -> bool:
+        """Whether `friction_error` should be asked again; see `FixedSetRod`."""
+        return False
