@@ -14,9 +14,9 @@ import numpy as np
 
 from cable_ros.branch import effect_selection
 from cable_ros.branch.coupled_pieces import coupled_pieces, kinds
-from cable_ros.branch.crossed_cables import crossed_cables
 from cable_ros.branch.pieces import joined, shares
 from cable_ros.branch.results import failed
+from cable_ros.branch.rubbing_cables import crossed_cables
 from cable_ros.common.compile_watch import GETTING
 from cable_ros.common.packing import pack, unpack
 from cable_ros.contact.overlaps import OUTLINE, Pairs

@@ -14,6 +14,7 @@ from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupling import PER
 from cable_ros.branch.crossing_cable import CrossingCable
 from cable_ros.branch.released import Released
+from cable_ros.branch.rubbing_cable import RubbingCable
 from cable_ros.branch.shared_piece import Place, SharedPiece, onward
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import Kinematics, Scene
@@ -239,7 +240,7 @@ class CoupledPieces(Released):
 def kinds(scene: Scene) -> list[type[CableTracker]]:
     """What tracks each of `Scene.pieces`."""
     if scene.cable_contact:
-        return [CrossingCable] * len(scene.cables)
+        return [RubbingCable if scene.cable_friction else CrossingCable] * len(scene.cables)
     return [
         SharedPiece if run.supports else CableTracker
         for cable in scene.cables

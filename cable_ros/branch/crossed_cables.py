@@ -10,9 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.crossing_balance import CrossedTangent, OneOf
-from cable_ros.branch.crossing_cable import SLOTS, CrossingCable
+from cable_ros.branch.crossing_cable import SLOTS
 from cable_ros.branch.crossing_newton import Pair, overlapping
 from cable_ros.branch.crossing_snap import CrossingSnap
 from cable_ros.branch.shared_piece import Place
@@ -20,7 +19,7 @@ from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.crossing import Spacer
 from cable_ros.contact.overlaps import with_overlap
 from cable_ros.equilibrium import ContactTable, Equilibrium, Overlap, Status
-from cable_ros.scene import Kinematics, Scene
+from cable_ros.scene import Kinematics
 
 LONGEST = 0.2
 """Maximum step in joint values, rad or m, that is taken at once."""
@@ -324,7 +323,7 @@ class CrossedCables(CrossingSnap):
         if not self.spacers:
             return found
         failed = [one for one in found if not one.status.trusted]
-        tangent = CrossedTangent(self.cables, self.spacers, poses)
+        tangent = self.tangent(poses)
         arcs = self._other_arcs(poses)
         return [
             Equilibrium.of(vars(one) | {
@@ -334,6 +333,10 @@ class CrossedCables(CrossingSnap):
             })
             for i, (one, cable) in enumerate(zip(found, self.cables, strict=True))
         ]  # fmt: skip
+
+    def tangent(self, poses: np.ndarray) -> CrossedTangent:
+        """The linearised equations about the present equilibria; `poses` (n, 2, 7): of the clamps."""
+        return CrossedTangent(self.cables, self.spacers, poses)
 
     def _other_arcs(self, poses: np.ndarray) -> list[dict[int, float]]:
         """By cable and number of an obstacle that is another cable: the arc length on that one, m."""
@@ -386,11 +389,3 @@ def with_other_arcs(
     if table is None:
         return None
     return replace(table, other_arc_length=np.array([arcs.get(k, np.nan) for k in table.obstacle.tolist()]))
-
-
-def crossed_cables(scene: Scene, tracked: Sequence[CableTracker]) -> CrossedCables | None:
-    """The cables of a scene whose cables touch each other; `tracked`: of its cables."""
-    if not scene.cable_contact:
-        return None
-    cables = [one for one in tracked if isinstance(one, CrossingCable)]
-    return CrossedCables(cables, [cable.radius for cable in scene.cables])

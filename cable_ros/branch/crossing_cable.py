@@ -64,6 +64,8 @@ class Remembered(NamedTuple):
     kept: Kept
     seen: dict[int, np.ndarray]
     """(WIDTH,) obstacles by slot, world, SI."""
+    clamps: np.ndarray | None = None
+    """(2, 7) its clamps, where friction needs them."""
 
 
 class CrossingCable(SharedPiece):

@@ -279,7 +279,7 @@ class CrossingNewton:
         if not self._renew(spacers, poses):
             return False
         values = self._modes[0]
-        if not is_minimum(values):
+        if not self._is_minimum(values):
             return False
         self._sure = 0.0
         if before is not None:
@@ -287,6 +287,10 @@ class CrossingNewton:
             self._sure = min(RENEWED, SURE * moved / float(closer.max()))
         self._judged = here, values
         return True
+
+    def _is_minimum(self, values: np.ndarray) -> bool:
+        """Whether the eigenvalues (5 k,) of the last tangent are those of a minimum."""
+        return is_minimum(values)
 
     def _size(self, step: np.ndarray, spacers: Sequence[Spacer]) -> float:
         """Of a step (5 k,): over the distance of the axes, or of a change of the wrenches."""

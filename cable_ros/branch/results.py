@@ -135,6 +135,10 @@ class Tangent:
         """See `Equilibrium.wrench_response`."""
         return self.response_of(self.numbers(obstacles))
 
+    def parts(self) -> tuple[Any, np.ndarray, np.ndarray, Units, np.ndarray]:
+        """A rod at the equilibrium, its nodal frames and end force, the cable's units and its start clamp."""
+        return self._rod(), self._q, self._F, self._unit, self._start
+
     def numbers(self, obstacles: Sequence[str]) -> list[int]:
         """Of obstacles by name."""
         names = list(self._names)

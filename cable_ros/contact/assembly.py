@@ -24,6 +24,7 @@ from cable_ros.contact.friction_kernels import (
 )
 from cable_ros.contact.interfaces import gap_here, locate
 from cable_ros.contact.moving_obstacles import carry, obstacle_motion
+from cable_ros.contact.point_couples import has_arm, hold_points, hold_rows
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -90,7 +91,9 @@ def point_forces(shape, F, contacts, count, Fe, acc):
     for i in range(count):
         e, x = find_element(points[i, ARC_LENGTH], s0, h)
         for a in range(3):
-            P[a] = points[i, FORCE] * normals[i, a] + points[i, FRICTION + a]
+            P[a] = points[i, FORCE] * normals[i, a]
+            if not has_arm(points, i):
+                P[a] += points[i, FRICTION + a]
             for k in range(e):
                 Fe[k, a] += P[a]
         if x == 0.0:
@@ -104,6 +107,7 @@ def point_forces(shape, F, contacts, count, Fe, acc):
             for j in range(order + 1):
                 for a in range(4):
                     acc[e * order + j, a] += N[k, j] * gT[a]
+    hold_points(shape, points, count, Fe, acc)
 
 
 @njit(**INNER)
@@ -301,7 +305,9 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
         own[:] = 0.0
         turn[:] = 0.0
         for a in range(3):
-            P[a] = points[i, FORCE] * normals[i, a] + points[i, FRICTION + a]
+            P[a] = points[i, FORCE] * normals[i, a]
+            if not has_arm(points, i):
+                P[a] += points[i, FRICTION + a]
         for k in range(N.shape[0]):
             if x == 0.0:
                 break
@@ -390,6 +396,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             total += 1
         for b in range(begin, total):
             upto[b], owners[b] = e, i
+    total = hold_rows(shape, points, count, tangents, rows, total, gaps)
     for b in range(3):
         copy(V[b], W[b])
     for b in range(3 + count, total):

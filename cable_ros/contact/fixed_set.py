@@ -11,6 +11,7 @@ import numpy as np
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.assembly import nodal
 from cable_ros.contact.contact_entry_points import assemble_kkt, point_forces
+from cable_ros.contact.dead_loads import DeadLoads
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
 from cable_ros.contact.gap_search import dips, scan
@@ -18,6 +19,7 @@ from cable_ros.contact.meshing import suited
 from cable_ros.contact.patches import inside
 from cable_ros.contact.points import (
     ARC_LENGTH,
+    ARM,
     BEFORE,
     CAPACITY,
     COLUMNS,
@@ -312,6 +314,24 @@ class FixedSetRod(Rod):
             return super().wrench_response(q, F, moving)
         if self.compliance.any() and self.model == COULOMB and self._rough().any():
             return np.full((12 + 6 * len(moving), 12 + 6 * len(moving)), np.nan)
+        return self._response(q, F, moving, None)
+
+    def loaded_response(
+        self, q: np.ndarray, F: np.ndarray, moving: Sequence[int], loaded: np.ndarray, before: np.ndarray
+    ) -> np.ndarray:
+        """The same with columns and rows of `dead_loads`.
+
+        Args:
+            q, F, moving: as there.
+            loaded: (k,) numbers of the obstacles whose contact points carry given friction.
+            before: (k,) arc lengths that touched them before, L.
+        """
+        return self._response(q, F, moving, (loaded, before))
+
+    def _response(
+        self, q: np.ndarray, F: np.ndarray, moving: Sequence[int],
+        given: tuple[np.ndarray, np.ndarray] | None,
+    ) -> np.ndarray:  # fmt: skip
         self.trace(q, F)
         self.rows = self.assemble(q, F, FRICTIONLESS)
         self.judged = self.ready = False
@@ -324,11 +344,15 @@ class FixedSetRod(Rod):
             arc_lengths=points[:, ARC_LENGTH].copy(), obstacles=which, pressure=pressure,
             friction=points[:, FRICTION : FRICTION + 3], at_minimum=kind == POINT, lifts_off=kind >= FIRST,
             sticks=rough & (points[:, SLIPS] == 0.0) & (self.model == COULOMB), across=self.model == SLIDING,
-            give=1.0 / STICK,
+            give=1.0 / STICK, given=np.asarray(points[:, ARM : ARM + 3].any(axis=1)),
         )  # fmt: skip
         clamps = self.qe, F, F + self.f + self.contact_force(), self.g
+        loads = None
+        if given is not None:
+            loads = DeadLoads.of(self.mesh, self.shape(q), self.saddle[1][2], points, *given)
+        compliance, G = self.strain[:2]
         return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving,
-                               *self.strain[:2])  # fmt: skip
+                               compliance, G, loads)  # fmt: skip
 
     def _rough(self) -> np.ndarray:
         """(count,) which contact points press on an obstacle with friction."""
@@ -343,8 +367,8 @@ class FixedSetRod(Rod):
             return super().wrench_error(q, F)
         self._judge()
         Fe, residual = np.empty((len(self.h), 3)), np.empty(self.g.size)
-        point_forces(self.shape(q), F, self.contacts, self.count, Fe, self.acc)
         self.trace(q, F)
+        point_forces(self.shape(q), F, self.contacts, self.count, Fe, self.acc)
         boundaries = np.ascontiguousarray(np.vstack([self.c[:, 0], self.c[-1].sum(axis=0)])[:, :3])
         re = self._without_strain(q, F, boundaries)
         nodal(q, self.acc, residual)

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cable_ros.contact.dead_loads import BESIDE, LOADS, DeadLoads
 from cable_ros.contact.response_kernels import columns, displacements, solve_inner, surfaces
 from cable_ros.contact.stretched import elongations, reaches
 from cable_ros.rod import quaternion
@@ -61,6 +62,8 @@ class Contacts(NamedTuple):
     """Whether friction is that of (53) of Liu et al. (2018): across the cable, slipping or not."""
     give: float
     """Tangential compliance of what sticks."""
+    given: np.ndarray
+    """(m,) bool: its friction is a load that stays as it is, see `dead_loads`."""
 
 
 class Rows:
@@ -84,7 +87,7 @@ class Rows:
 def wrench_response(
     shape: tuple[Any, ...], clamps: tuple[np.ndarray, ...], tangents: tuple[np.ndarray, ...],
     bodies: np.ndarray, contacts: Contacts, moving: Sequence[int], compliance: np.ndarray = NOTHING,
-    G: np.ndarray = UNSTRAINED,
+    G: np.ndarray = UNSTRAINED, loads: DeadLoads | None = None,
 ) -> np.ndarray:  # fmt: skip
     """Derivative (12 + 6 k, 12 + 6 k) of the wrenches on the cable by motions of clamps and obstacles.
 
@@ -103,6 +106,8 @@ def wrench_response(
         moving: the obstacles that may move.
         compliance: (3,) of `rod_state.Stretch`, against tension only; not with friction.
         G: (m, g, 3) internal forces at the Gauss points, of a cable that stretches.
+        loads: given friction of some contact points, not with a compliance: then `LOADS` more columns and
+            `ANSWERS` more rows for each, see there, and the wrenches of its obstacle are without it.
     """
     qe, F, start_force, g = clamps
     hessian, C = (tangents[0], tangents[1]), tangents[-1]
@@ -112,12 +117,17 @@ def wrench_response(
     displacements(shape, tangents[2], contacts.arc_lengths, float(compliance[2]), G, displacement, turn)
     r, t, dt, normals, directions, bends = surfaces(shape, contacts.arc_lengths, contacts.obstacles, bodies)
     pressure, friction = contacts.pressure, contacts.friction
-    P = pressure[:, None] * normals + friction
+    dead = contacts.given
+    P = pressure[:, None] * normals + np.where(dead[:, None], 0.0, friction)
+    if loads is not None:  # a couple bends the cable differently on its two sides
+        sides = [surfaces(shape, contacts.arc_lengths + s, contacts.obstacles, bodies)[2] for s in BESIDE]
+        dt[loads.points] = 0.5 * (sides[0] + sides[1])[loads.points]
     if compliance.any():  # arc lengths below are those of the stretched cable
         dt /= elongations(shape, contacts.arc_lengths)[:, None]
 
     # the motions: of the clamps' frames, of the start point, of the obstacle's points under each contact
-    motions = 12 + 6 * len(moving)
+    seen = 12 + 6 * len(moving)
+    motions = seen + (0 if loads is None else LOADS * len(loads.points))
     clamps = np.r_[0:3, n - 3 : n]
     x_clamps = np.zeros((6, motions))
     x_clamps[0:3, 3:6] = x_clamps[3:6, 9:12] = np.eye(3)
@@ -136,7 +146,8 @@ def wrench_response(
     strong = np.abs(pressure) >= FAINT
     bent = (bends > 0.0) & strong[:, None]
     tilted = contacts.lifts_off | (contacts.at_minimum & strong)
-    mobile = contacts.across & strong & friction.any(axis=1)
+    rubs = friction.any(axis=1) & ~dead
+    mobile = contacts.across & strong & rubs
     size = 3 + m + int(bent.sum() + tilted.sum() + 2 * contacts.sticks.sum() + 3 * mobile.sum())
     rows = Rows(size, n, motions, m)
     V, W, D, c, lines = rows.V, rows.W, rows.D, rows.c, rows.lines
@@ -153,7 +164,7 @@ def wrench_response(
     V[gap] = np.einsum("ia,iaj->ij", normals, displacement)
     lines[gap, np.arange(m)] = normals
     c[gap] = np.einsum("ia,iak->ik", normals, relative)
-    slips = ~contacts.sticks & friction.any(axis=1)
+    slips = ~contacts.sticks & rubs
     forces[np.arange(m), :, gap] = np.where(slips[:, None], normals + share[:, None] * friction, normals)
 
     lean = np.zeros((m, 3, size))  # of the normal over the surface, by the unknowns
@@ -183,10 +194,12 @@ def wrench_response(
     lean[i, :, at] = share[i, None] * slope
     ds[i, at] = share[i]
     W[at] = np.einsum("ia,iaj->ij", normals[i] + share[i, None] * friction[i], turn[i])
+    if loads is not None:
+        W[at] += share[i, None] * loads.dragged(m)[i]
 
     # the normal turns with all of its force, Coulomb friction so as to stay across it
     forces += pressure[:, None, None] * lean
-    coulomb = np.flatnonzero(friction.any(axis=1) & ~mobile)
+    coulomb = np.flatnonzero(rubs & ~mobile)
     forces[coulomb] -= np.einsum("ia,ib,ibk->iak", normals[coulomb], friction[coulomb], lean[coulomb])
 
     i = np.flatnonzero(contacts.sticks)
@@ -217,6 +230,9 @@ def wrench_response(
     flat = displacement.reshape(3 * m, n)
     W += forces.reshape(3 * m, size).T @ flat
     b = columns(*hessian, 0, 3) @ x_clamps[:3] + columns(*hessian, n - 3, 3) @ x_clamps[3:]
+    if loads is not None:
+        explicit[loads.points] += loads.forces(motions)
+        b -= loads.by_couples(motions)
     b -= flat.T @ explicit.reshape(3 * m, motions)
 
     try:
@@ -236,18 +252,20 @@ def wrench_response(
     dF = y[:3]
     back = quaternion.conjugate(qe)
     to_end = np.stack([quaternion.rotate(back, axis) for axis in np.eye(3)], axis=1)
-    out = np.empty((motions, motions))
+    out = np.empty((seen, motions))
     # components along axes that turn with the clamp; the gradient's half turn is the chart's
     out[0:3] = -(dF + dP.sum(axis=0)) - cross_matrix(start_force) @ x_clamps[:3]
     out[3:6] = moments[:3] + 0.5 * cross_matrix(g[0]) @ x_clamps[:3]
     out[6:9] = to_end @ dF + cross_matrix(to_end @ F) @ x_clamps[3:]
     out[9:12] = moments[n - 3 :] + 0.5 * cross_matrix(g[-1]) @ x_clamps[3:]
+    if loads is not None:
+        dP[loads.points] -= loads.forces(motions)
     dM = np.cross(dr, P[:, :, None], axis=1) + np.cross(r[:, :, None], dP, axis=1)
     for k, which in enumerate(moving):
         on, first = contacts.obstacles == which, 12 + 6 * k
         out[first : first + 3] = dP[on].sum(axis=0)
         out[first + 3 : first + 6] = dM[on].sum(axis=0)
-    return out
+    return out if loads is None else np.concatenate([out, loads.answers(x, shift)])
 
 
 def _solve(

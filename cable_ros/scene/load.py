@@ -22,6 +22,8 @@ from cable_ros.scene.text import check_amount, parse_yaml, read_text
 from cable_ros.scene.urdf import link_names
 from cable_ros.share import package_file
 
+CABLE_FRICTION = Size("", 0.0, 2.0)
+
 GRAVITY = Size("m/s^2", -500.0, 500.0, *["it looks like mm/s^2 or cm/s^2"] * 2)
 
 ROBOT = (
@@ -29,6 +31,13 @@ ROBOT = (
         "urdf", "text", "the path of the robot's URDF, relative to the scene",
         "File of the robot's URDF: a path, or `package://PACKAGE/FILE`.", "space_arm.urdf",
         extent="a file",
+    ),
+)  # fmt: skip
+
+CABLE_CONTACT = (
+    Field(
+        "friction", "number", "the coefficient of friction, at least 0, or leave it out",
+        "Coefficient of friction where two cables touch.", "0.3", default=0.0, size=CABLE_FRICTION,
     ),
 )  # fmt: skip
 
@@ -57,9 +66,10 @@ SCENE = (
         "count", default="count", words=RADIUS_WORDS,
     ),
     Field(
-        "cable_contact", "true or false", "true or false",
-        "Whether the cables touch each other and themselves, without friction; if not, overlaps are told.",
-        "true", default=False, absent="false",
+        "cable_contact", "true, false or mapping", "true, false or {friction: 0.3}",
+        "Whether the cables touch each other and themselves, and with which friction, none if it is not "
+        "told; if they do not touch, overlaps are told.",
+        "{friction: 0.3}", default=False, absent="false", inner=CABLE_CONTACT,
     ),
     Field(
         "friction_model", "text", "coulomb or sliding",
@@ -138,12 +148,15 @@ def load_scene(
         _check_strain_with_contact(top, cables, obstacles, friction_model, effects)
         _check_clamps_with_contact(top, cables, effects)
         _check_friction_with_supports(top, cables, obstacles, effects)
-    cable_contact = top.flag("cable_contact")
+    cable_contact, cable_friction = _cable_contact(top, effects)
     if cable_contact:
         _check_cable_contact(top, cables, obstacles, effects)
+    if cable_friction:
+        _check_cable_friction(top, cables, obstacles)
     return Scene(
-        tuple(cables), gravity, robot, text, path, source, obstacles, friction_model, cable_contact, effects
-    )
+        tuple(cables), gravity, robot, text, path, source, obstacles, friction_model, cable_contact, effects,
+        cable_friction,
+    )  # fmt: skip
 
 
 def _check_strain_with_contact(
@@ -225,6 +238,28 @@ def _check_cable_contact(
             top.fail(
                 "is the name of a cable, which cable_contact tells, too; give another", f"obstacles[{i}].name"
             )
+
+
+def _cable_contact(top: Section, effects: str | tuple[str, ...]) -> tuple[bool, float]:
+    """Whether cables touch each other, and their coefficient of friction, 0 without that effect."""
+    if "cable_contact" in top and isinstance(top.get("cable_contact"), Mapping):
+        friction = top.inner("cable_contact").number("friction")
+        return True, friction if isinstance(effects, str) or "friction" in effects else 0.0
+    return top.flag("cable_contact"), 0.0
+
+
+def _check_cable_friction(top: Section, cables: list[Cable], obstacles: Sequence[Obstacle]) -> None:
+    """Friction between cables is that of two cables of constant length, without obstacles."""
+    hint = "yet; leave one of the two out"
+    if obstacles:
+        top.fail(f"friction between cables and obstacles cannot be combined {hint}", "cable_contact.friction")
+    for i, cable in enumerate(cables):
+        for name, given in (
+            ("axial_stiffness", cable.axial_stiffness is not None),
+            ("limits", cable.limits is not None),
+        ):
+            if given:
+                top.fail(f"this and friction between cables cannot be combined {hint}", f"cables[{i}].{name}")
 
 
 def _effects(top: Section) -> str | tuple[str, ...]:

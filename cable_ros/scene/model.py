@@ -209,6 +209,8 @@ class Scene:
     """Whether cables touch each other and themselves; if not, where they overlap is told."""
     effects: str | tuple[str, ...] = "all"
     """auto: what matters at the tolerance; all: what has numbers in the scene; or some of `EFFECTS`."""
+    cable_friction: float = 0.0
+    """Coefficient of friction where cables touch each other."""
 
     @property
     def pieces(self) -> tuple[Cable, ...]:

@@ -127,7 +127,7 @@ class Section:
         """True or false; the field's default where it is not given."""
         value = self.fields[name].default if name not in self else self.get(name)
         if not isinstance(value, bool):
-            self.fail(f"must be true or false, not {describe(value)}", name)
+            self.fail(f"must be {self.remedy(name)}, not {describe(value)}", name)
         return value
 
     def table(self, name: str) -> np.ndarray:

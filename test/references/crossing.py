@@ -11,7 +11,7 @@ touches itself is first and second rod in one: both forces are on it, at a < b.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,12 +50,13 @@ class Itself:
 
 
 def shot(
-    cable: dict[str, Any], gravity: np.ndarray, start: np.ndarray, loads: list[tuple[float, np.ndarray]],
+    cable: dict[str, Any], gravity: np.ndarray, start: np.ndarray, loads: Sequence[tuple[Any, ...]],
     accuracy: float,
 ) -> list[np.ndarray]:  # fmt: skip
     """States at the arc lengths of point loads, in their order, and at the end.
 
-    A state is r, R by rows, F and M on what is before; `start` (6,): force and moment on the start.
+    A state is r, R by rows, F and M on what is before; `start` (6,): force and moment on the start. A load is
+    its arc length, its force and maybe its couple.
     """
     K, weight = np.array(cable["stiffness"], float), cable["linear_density"] * gravity
     stretch = cable.get("axial_stiffness", np.inf)
@@ -71,11 +72,13 @@ def shot(
     y = np.concatenate([cable["start"]["position"], first.ravel(), -start])
     options = {"rtol": accuracy, "atol": 1e-3 * accuracy, "method": "DOP853"}
     states, before = {}, 0.0
-    for which in np.argsort([arc for arc, _ in loads]):
-        arc, P = loads[which]
+    for which in np.argsort([load[0] for load in loads], kind="stable"):
+        arc, P, *couple = loads[which]
         states[which] = y = solve_ivp(slope, (before, arc), y, **options).y[:, -1]
         y, before = y.copy(), arc
         y[12:15] -= P
+        if couple:
+            y[15:] -= couple[0]
     end = solve_ivp(slope, (before, cable["length"]), y, **options).y[:, -1]
     return [*(states[which] for which in range(len(loads))), end]
 

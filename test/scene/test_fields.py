@@ -162,7 +162,7 @@ def test_a_default_is_what_leaving_it_out_means(place, field, tmp_path):
 def test_nothing_that_a_scene_holds_is_without_a_field():
     """The dataclasses' fields have the names of the file's, but for what is made of several."""
     names = {path[-1] for path, _ in ALL}
-    made = {"text", "path", "source", "shape", "cable_radius_counts", "left_out_by"}
+    made = {"text", "path", "source", "shape", "cable_radius_counts", "left_out_by", "cable_friction"}
     held = {one.name for kind in (Scene, Cable, Obstacle) for one in dataclasses.fields(kind)}
     assert held - names == made
 
