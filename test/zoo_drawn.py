@@ -175,6 +175,7 @@ FOUND = {
     (94, 26): "a cable across a rough table",
     (95, 20): "a planar loop on a table leaves its plane: the contact moves along the cable",
     (95, 39): "a weightless cable leaves a rough edge that held it",
+    (95, 56): "a hose turned at its clamp: a short slip changes its direction",
     (96, 44): "a cable to and fro on a rough ground",
     (96, 48): "a cable up and down two rough beams",
     (96, 106): "a fold of a cable on smooth ground, from where it slides far",
@@ -186,12 +187,14 @@ FOUND = {
     (100, 55): "a heavy cable slips through over two smooth beams",
     (100, 57): "a lifted hose led about: its grid becomes finer in time",
     (100, 74): "a rough beam that a cable slides over comes back",
+    (101, 6): "a hose of 201 poses: the direction of slip settles late",
     (102, 11): "heavy rough beams, both edges of each",
     (103, 18): "a light cable turned on a smooth table, which it all but touches beside the edge",
     (104, 44): "a loop over a bar snaps as the ground lets it go",
     (105, 36): "a light cable between two rollers all but leaves one",
     (106, 19): "a stiff loop over a thin beam, which soft springs let through",
     (106, 71): "a heavy cable over two thin beams, which soft springs let through",
+    (107, 78): "a hose turned and back: the direction of slip settles late",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
 from cable_ros.contact.detection import flatten, update_active_set
@@ -49,6 +49,9 @@ SLOW = 0.15
 """Refactor if an iteration leaves more than this fraction of the error."""
 MOST_REVISIONS, MOST_ITERATIONS = 44, 25
 """Maximum number of changes of the active set in a solve, and of iterations between two of them."""
+DIRECTED, SWINGS_ON, ROUNDS = 30.0, 0.5, 5
+"""Maximum error of a point's friction, over that of the end force; what is left of it after an iteration, as
+the direction of a short slip follows the shape late; and how often more iterations are made for it."""
 ROUNDING = 10.0
 """Steps that stagnate below this multiple of the tolerance are rounding error."""
 MOST_IN_ALL = 75
@@ -144,7 +147,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     copy_rows(q, q_new)
     copy(F, F_new)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[q.shape[0] - 1]), qe))
-    total, size, step = 0, 0.0, 0.0
+    total, rounds, size, step, scale = 0, 0, 0.0, 0.0, 1.0
+    friction = np.empty((points.shape[0], 3))
     small, swaps = factors.S, np.empty(0, np.int64)
     tangent, moved, convex = True, False, True  # `tangent`: the tangent step, which moves the end
     steady = model != COULOMB  # whether no direction of friction is part of the iteration
@@ -241,10 +245,29 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             moved = moved or coarse(points, count, h, s0, finest)
             if not convex and model == FRICTIONLESS:
                 return NOT_CONVEX, total, count, total_rows, moved, rotation
+            if model == COULOMB:
+                for i in range(count):
+                    for a in range(3):
+                        friction[i, a] = points[i, FRICTION + a]
             assemble_kkt(shape, (F_new, f), section, obstacles, history, contacts, count, kkt, False, False)
+            if model == COULOMB and rounds < ROUNDS:
+                left = max(rate, SWINGS_ON) * largest_change(points, count, friction)
+                if left > DIRECTED * tolerance * scale:
+                    rounds, holds = rounds + 1, False
+                    continue
             return ADVANCED, total, count, total_rows, moved, 0.0 if fresh else rotation
         size, rate, holds = 0.0, 0.0, False
     return NOT_CONTRACTING, total, count, total_rows, moved, rotation
+
+
+@njit(**LEAF)
+def largest_change(points, count, friction):
+    """Largest change of a component of the points' friction from what it was, (count, 3), EI / L^2."""
+    change = 0.0
+    for i in range(count):
+        for a in range(3):
+            change = max(change, abs(points[i, FRICTION + a] - friction[i, a]))
+    return change
 
 
 @njit(**INNER)
