@@ -46,6 +46,26 @@ def tracker(
     return Tracker(load_scene(scene(cables or [BELOW, ABOVE], **asked), urdf=LIFT), tolerance=tolerance)
 
 
+BELOW_TWO = {
+    "name": "hose", "length": 0.45, "stiffness": [0.0013, 0.0013, 0.0009], "outer_diameter": 0.008,
+    "linear_density": 0.1, "start": {"position": [-0.2, 0.0, 0.0], "rpy": [0.0, 0.5 * np.pi, 0.0]},
+    "end": {"link": "slider", "position": [0.2, 0.0, 0.0], "rpy": [0.0, 0.5 * np.pi, 0.0]},
+}  # fmt: skip
+SLIDE = """<robot name="r"><link name="base"/><link name="slider"/><joint name="slide" type="prismatic">
+<parent link="base"/><child link="slider"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+def across_at(name: str, x: float) -> dict[str, Any]:
+    """A wire that lies across the hose at about x, m."""
+    turned = [-0.5 * np.pi, 0.0, 0.0]
+    return {
+        "name": name, "length": 0.45, "stiffness": [0.003, 0.003, 0.002], "outer_diameter": 0.01,
+        "linear_density": 0.12, "start": {"position": [x, -0.2, 0.005], "rpy": turned},
+        "end": {"position": [x + 0.01, 0.2, 0.005], "rpy": turned},
+    }  # fmt: skip
+
+
 def walk(model: Tracker, lifts: Any) -> list[dict[str, Equilibrium]]:
     found = []
     for lift in lifts:
@@ -233,6 +253,26 @@ def test_the_way_back_is_another_one() -> None:
     down, *_, back = walk(tracker(0.15), [*np.linspace(0.03, 0.0, 7), -0.01, -0.02, -0.01, 0.0])[6:]
     change = back["above"].end_wrench - down["above"].end_wrench
     assert np.linalg.norm(change[:3]) > 0.03 * np.linalg.norm(down["above"].end_wrench[:3])
+
+
+def test_two_contacts_in_other_steps() -> None:
+    # a hose drawn along under two wires, and back
+    hose = BELOW_TWO
+    wires = [across_at("first", -0.05), across_at("second", 0.06)]
+    asked: dict[str, Any] = {"cable_contact": {"friction": 0.3}}
+    ends = []
+    for count in (2, 16):
+        model = Tracker(load_scene(scene([hose, *wires], **asked), urdf=SLIDE))
+        slides = [0.03 * k / count for k in range(count + 1)]
+        slides += [0.03 - 0.05 * k / count for k in range(1, count + 1)]
+        for slide in slides:
+            found = model.arrive({"slide": slide})
+            assert all(one.status is Status.CONVERGED for one in found.values()), (slide, found)
+        told = found["hose"].contacts
+        assert [one.obstacle for one in told] == ["first", "second"]
+        assert all(one.sliding for one in told)
+        ends.append(found["hose"].end_wrench)
+    assert ends[0] == pytest.approx(ends[1], abs=0.01 * np.abs(ends[1]).max())
 
 
 def test_stick_does_work_without_a_loss() -> None:

@@ -356,6 +356,9 @@ class RubbingNewton(CrossingNewton):
 
     def tangent(self, poses: np.ndarray, carried: bool = True) -> RubbingTangent:
         """The linearised equations about the present equilibria; `carried`: slip goes on the same way."""
+        # a step that was tried since may have had other contacts
+        self._forces = {key(one): self._last[key(one)][0] for one in self.spacers}
+        self._states = {key(one): self._last[key(one)][1] for one in self.spacers}
         rubs = self._rubs(self.spacers, poses)
         if carried:
             rubs = {
