@@ -27,7 +27,8 @@ from test_crossing import (
 
 from cable_ros.branch.coulomb_contact import SLIPS, STICKS, Rub, key, law
 from cable_ros.branch.rubbing_cables import RubbingCables
-from cable_ros.branch.rubbing_newton import RubbingTangent, across
+from cable_ros.branch.rubbing_newton import across
+from cable_ros.branch.rubbing_tangent import RubbingTangent
 from cable_ros.branch.shared_piece import Place
 from cable_ros.contact.crossing import FREEDOMS
 from cable_ros.equilibrium import Equilibrium, Status
