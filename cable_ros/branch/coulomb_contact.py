@@ -24,7 +24,7 @@ from cable_ros.branch.crossing_balance import System, touching
 from cable_ros.branch.rubbing_cable import Section
 from cable_ros.contact.crossing import FREEDOMS, Spacer
 from cable_ros.contact.dead_loads import ANSWERS, LOADS
-from cable_ros.contact.response import cross_matrix
+from cable_ros.linalg.cross import cross_matrix
 
 STICKS, SLIPS, STAYS, CARRIED = 0, 1, 2, 3
 """What friction does: stick; slip; stay as it was, turned with the sections, if the shape is only solved more

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_ros.branch.coupling import PER, Ends, Side, assemble
-from cable_ros.contact.response import cross_matrix
 from cable_ros.equilibrium import Linearised, Modes
+from cable_ros.linalg.cross import cross_matrix
 
 
 class Turned:

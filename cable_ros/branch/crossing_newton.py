@@ -159,6 +159,16 @@ class CrossingNewton:
             cable.recall(one)
         self._inverse = None
 
+    def _all_among(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, spacers: Sequence[Spacer]
+    ) -> bool:
+        """Solve all cables among these spacers; whether each is in equilibrium there."""
+        self._show(kinematics, joints, poses, spacers)
+        return all(
+            cable.attempt(kinematics, joints, Place(own, cable.length)) and np.isfinite(cable.end_force).all()
+            for cable, own in zip(self.cables, poses, strict=True)
+        )
+
     def _newton(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, guess: Sequence[Spacer]
     ) -> list[Spacer] | None:
@@ -168,12 +178,8 @@ class CrossingNewton:
         before, each = spacers, np.zeros((len(spacers), FREEDOMS))
         for iteration in range(ITERATIONS):
             self.iterations += 1
-            self._show(kinematics, joints, poses, spacers)
-            for cable, own in zip(self.cables, poses, strict=True):
-                if not cable.attempt(kinematics, joints, Place(own, cable.length)):
-                    return None
-                if not np.isfinite(cable.end_force).all():
-                    return None
+            if not self._all_among(kinematics, joints, poses, spacers):
+                return None
             if not spacers:
                 return spacers
             residual = self._residual(spacers, poses)

@@ -11,8 +11,8 @@ import numpy as np
 
 from cable_ros.branch.modes import modes
 from cable_ros.contact.report import contact_table
-from cable_ros.contact.response import cross_matrix
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
+from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import output, quaternion
 from cable_ros.rod.elements import Mesh, equally_spaced, integrals, sampling
 from cable_ros.rod.held_rod import HeldRod

@@ -38,7 +38,6 @@ from cable_ros.branch.crossing_newton import (
 )
 from cable_ros.branch.rubbing_cable import Hold, RubbingCable
 from cable_ros.branch.rubbing_tangent import RubbingTangent
-from cable_ros.branch.shared_piece import Place
 from cable_ros.contact.crossing import FREEDOMS, UNSTABLE, Spacer
 from cable_ros.contact.friction_kernels import ROUNDING as EDGE
 from cable_ros.contact.friction_kernels import STICK
@@ -167,12 +166,8 @@ class RubbingNewton(CrossingNewton):
         for _ in range(2 * ITERATIONS):
             self.iterations += 1
             self._hold(spacers, moved)
-            self._show(kinematics, joints, poses, spacers)
-            for cable, own in zip(self.cables, poses, strict=True):
-                if not cable.attempt(kinematics, joints, Place(own, cable.length)):
-                    return None
-                if not np.isfinite(cable.end_force).all():
-                    return None
+            if not self._all_among(kinematics, joints, poses, spacers):
+                return None
             pressed = self._residual(spacers, poses)
             if pressed is None and self.loose and shorter < SHORTER:
                 # a step may end beside the contact

@@ -13,7 +13,7 @@ import numpy as np
 
 from cable_ros.contact.points import ARC_LENGTH, ARM, FRICTION, OBSTACLE
 from cable_ros.contact.response_kernels import displacements
-from cable_ros.linalg.cross import cross
+from cable_ros.linalg.cross import cross, cross_matrix
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, lagrange
 
@@ -125,7 +125,7 @@ def rotations(mesh: Mesh, q: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.
         size, change = here @ here, 2.0 * (here @ along)
         for j, node in enumerate(own):
             w, v = q[node, 0], q[node, 1:]
-            turn = 0.5 * np.vstack([-v, w * np.eye(3) + _cross(v)])  # of q_i by its rotation vector
+            turn = 0.5 * np.vstack([-v, w * np.eye(3) + cross_matrix(v)])  # of q_i by its rotation vector
             at = slice(3 * node, 3 * node + 3)
             a, b = _vector(here) @ turn, _vector(along) @ turn
             out[i, :, at] = 2.0 / size * N[i, j] * a
@@ -135,9 +135,4 @@ def rotations(mesh: Mesh, q: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.
 
 def _vector(q: np.ndarray) -> np.ndarray:
     """(3, 4): the vector part of p q* is this times p."""
-    return np.hstack([-q[1:, None], q[0] * np.eye(3) + _cross(q[1:])])
-
-
-def _cross(v: np.ndarray) -> np.ndarray:
-    """(3, 3): v x u is this times u."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.hstack([-q[1:, None], q[0] * np.eye(3) + cross_matrix(q[1:])])

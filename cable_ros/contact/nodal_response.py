@@ -18,9 +18,9 @@ import numpy as np
 from cable_ros.contact.nodal_kernels import residuals
 from cable_ros.contact.nodal_state import Band, Model, Rows, State, Step, Work
 from cable_ros.contact.nodal_tangent import jacobian, press_tangent
-from cable_ros.contact.response import cross_matrix
 from cable_ros.contact.response_kernels import columns
 from cable_ros.linalg.band_lu import band_factor, band_solve
+from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion
 from cable_ros.rod.rod_state import Tangents
 

@@ -27,6 +27,7 @@ import numpy as np
 from cable_ros.contact.dead_loads import BESIDE, LOADS, DeadLoads
 from cable_ros.contact.response_kernels import columns, displacements, solve_inner, surfaces
 from cable_ros.contact.stretched import elongations, reaches
+from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion
 
 FAINT = 1e-9
@@ -351,11 +352,6 @@ def _mobilised(
         forces[i, a, at] = 1.0
     # its own rows turn it: with the obstacle turns only the normal
     explicit[i] = contacts.pressure[i, None, None] * turned
-
-
-def cross_matrix(v: np.ndarray) -> np.ndarray:
-    """(3, 3): v x u is this times u."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def _crossed(v: np.ndarray) -> np.ndarray:

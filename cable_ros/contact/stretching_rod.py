@@ -168,6 +168,11 @@ class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
         self.forgot = forgot
         return found
 
+    def fall(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        return self.minimum(q, F, options)  # there is no penalty method
+
     def _near(
         self, q: np.ndarray, F: np.ndarray, tolerance: float
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
