@@ -236,6 +236,17 @@ def test_a_lying_cable_led_sideways_and_back_in_more_poses_has_the_same_wrench()
     assert max(off) < 0.01
 
 
+def test_a_small_step_does_not_leave_the_branch() -> None:
+    """Newton's method went to a distant equilibrium in the smaller steps there, not in the larger ones."""
+    case = drawn_case(108, 76, 1e-4)  # between two rough rollers
+    there = case.path[:2]
+    few, many = Tracker(case_scene(case)), Tracker(case_scene(case))
+    once = [few.arrive(pose)["cable"] for pose in there][-1]
+    told = [many.arrive(pose)["cable"] for pose in refined(there, 4)][-1]
+    assert once.status is told.status is Status.CONVERGED
+    assert error(told.end_wrench, once.end_wrench) < 0.01
+
+
 def over_moving_beams() -> Tracker:
     """A cable across two rough beams whose edges are sharper than its steps are long."""
     joints = ("across", "prismatic", "0 1 0"), ("along", "prismatic", "1 0 0"), ("turn", "revolute", "0 0 1")

@@ -195,6 +195,7 @@ FOUND = {
     (106, 19): "a stiff loop over a thin beam, which soft springs let through",
     (106, 71): "a heavy cable over two thin beams, which soft springs let through",
     (107, 78): "a hose turned and back: the direction of slip settles late",
+    (107, 107): "a loop against a rough wall that is pushed on and taken back",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

@@ -34,16 +34,19 @@ DRAWN = {
     (101, 53): "across a rough table: a grid's error is too large, the branch is lost",
     (102, 38): "a weightless cable that turns freely meets a slot",
     (103, 23): "a lift on a grid slides 2e-3 of the length the way its friction pushes",
-    (104, 23): "along a rough wall: the branch is lost",
     (104, 38): "a grid on top of a rough ball, beside which the judge finds nothing",
     (104, 48): "across a rough table: it slides 1.8e-4 of the length the way its friction pushes",
     (104, 50): "a weightless cable on a rough tray: the branch is lost",
     (107, 44): "a hose on a grid slides 2.2e-3 of its length the way its friction pushes",
     (107, 60): "a table: it slides 2.9e-4 of the length the way its friction pushes",
-    (107, 67): "along a rough wall: the branch is lost",
     (107, 101): "a lift cold: the force beside its clamp is 1e-3 off, and no finer mesh is reached",
-    (107, 107): "along a rough wall: the branch is lost",
     (107, 116): "beams cold: no start arrives",
+    (108, 6): "along two rough beams: the branch is lost",
+    (108, 20): "along two smooth beams: the branch is lost",
+    (108, 23): "a lift led aside: the branch is lost",
+    (108, 35): "beams cold: no start arrives",
+    (108, 61): "a ball pushed up under a rough cable: the branch is lost",
+    (108, 87): "over a rough edge: the branch is lost",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 

@@ -42,6 +42,9 @@ GOES = 1e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one."""
 KEPT = 1e-3
 """Maximum relative change of the total friction as contacts change on a new mesh."""
+FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
+"""Maximum rotation of a section in a step with friction: multiple of that in the tangent step, rad per motion
+of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
 DENSE = 20.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
@@ -226,7 +229,7 @@ class ActiveSetRod(FixedSetRod):
             friction = self.model, self.direction, self.presliding
             bubbles = end_bubbles(self.mesh.element.order)
             options = *friction, self.samples, self.depth, self.give, self.finest(), bubbles
-            code, iterations, self.count, self.rows, moved, turned = active_set_newton(
+            code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(
                 last, (qe, re, f), obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
                 options, (tolerance, limit, self.rotation, self.refactor_at), (q_new, F_new),
             )  # fmt: skip
@@ -236,7 +239,10 @@ class ActiveSetRod(FixedSetRod):
         if code == warm_step.ADVANCED and self.model == COULOMB:
             self.stride = stride(self._friction_change(q_new, F_new, obstacles))
             distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
-            code = warm_step.TOO_FAR if self.stride < SHORTER and distance > FRICTION_LEAST else code
+            farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
+            leaps = distance > 0.0 and quaternion.largest_rotation(q, q_new) > farthest
+            if leaps or (self.stride < SHORTER and distance > FRICTION_LEAST):
+                code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
         rotation = self.rotation + quaternion.largest_rotation(q, q_new) if self.ready else np.inf
         if self.model == COULOMB and turned == 0.0 and same and rotation < self.refactor_at:

@@ -102,7 +102,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
 
     Returns:
         How it ended, see `warm_step.advance`; numbers of iterations, contact points and constraint rows;
-        whether another mesh would hold the points better; rotation since the last factorisation, rad.
+        whether another mesh would hold the points better; rotation since the last factorisation, and in the
+        tangent step, rad.
     """
     last, section, grid, contacts = Last(*last), Section(*section), grid_of(grid), ContactSet(*contacts)
     kkt, options = kkt_of(kkt), Options(*options)
@@ -147,7 +148,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     copy_rows(q, q_new)
     copy(F, F_new)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[q.shape[0] - 1]), qe))
-    total, rounds, size, step, scale = 0, 0, 0.0, 0.0, 1.0
+    total, rounds, size, step, scale, foreseen = 0, 0, 0.0, 0.0, 1.0, 0.0
     friction = np.empty((points.shape[0], 3))
     small, swaps = factors.S, np.empty(0, np.int64)
     tangent, moved, convex = True, False, True  # `tangent`: the tangent step, which moves the end
@@ -156,7 +157,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     known = known and ready and (f == last.f).all() and (obstacles == last.obstacles).all()
     for _ in range(MOST_REVISIONS):
         if total > MOST_IN_ALL:
-            return NOT_CONTRACTING, total, count, total_rows, moved, rotation
+            return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         converged = False
         for iteration in range(MOST_ITERATIONS):
             changes = 0
@@ -208,8 +209,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 for k in range(3):
                     s[n - 3 + k] = theta[k]
             step = largest(s)
+            foreseen = step if tangent else foreseen
             if not step <= limit:
-                return TOO_FAR, total, count, total_rows, moved, rotation
+                return TOO_FAR, total, count, total_rows, moved, rotation, foreseen
             rotation += step
             quaternion.retract(q_new, s, q_new)
             close(q_new, qe)
@@ -230,11 +232,11 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                     step, converged = turned, True
                     break
                 if iteration > 12 and step > 0.9 * size and model == FRICTIONLESS:
-                    return NOT_CONTRACTING, total, count, total_rows, moved, rotation
+                    return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
             tangent = False
             size = step
         if not converged:
-            return NOT_CONTRACTING, total, count, total_rows, moved, rotation
+            return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         # the error of the iteration must not pass for penetration
         left = depth + step * rate
         trace(shape, (F_new, f), contacts, count, obstacles, strain)
@@ -244,7 +246,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         if not changed:
             moved = moved or coarse(points, count, h, s0, finest)
             if not convex and model == FRICTIONLESS:
-                return NOT_CONVEX, total, count, total_rows, moved, rotation
+                return NOT_CONVEX, total, count, total_rows, moved, rotation, foreseen
             if model == COULOMB:
                 for i in range(count):
                     for a in range(3):
@@ -255,9 +257,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 if left > DIRECTED * tolerance * scale:
                     rounds, holds = rounds + 1, False
                     continue
-            return ADVANCED, total, count, total_rows, moved, 0.0 if fresh else rotation
+            return ADVANCED, total, count, total_rows, moved, 0.0 if fresh else rotation, foreseen
         size, rate, holds = 0.0, 0.0, False
-    return NOT_CONTRACTING, total, count, total_rows, moved, rotation
+    return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
 
 
 @njit(**LEAF)

@@ -15,8 +15,9 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 CONVERGED, STALLED, SINGULAR = 0, 1, 2
 """How `newton` ended."""
-ITERATIONS = 30
-"""Maximum number; beyond it the active set is assumed to cycle."""
+ITERATIONS, CLOSE, MOST = 30, 0.05, 45
+"""Number of iterations after which the step must be this small, and the maximum number, both without drag:
+beyond it the active set is assumed to cycle."""
 LARGEST = 0.5
 """Maximum rotation of a section in one iteration, rad."""
 FARTHER = 3.0
@@ -81,23 +82,30 @@ def extrapolate(state, before, re, drag):
 
 
 @njit(**OPTIONS)
-def newton(state, model, step, work, tangents, rows, band, trial, tolerance):
+def newton(state, model, first, step, work, tangents, rows, band, trial, tolerance):
     """Solve for `state` in place, by full steps; returns (code, iterations).
 
     There is no line search: from one active set to the next the residuals may have to rise. The tangent of
     friction is changed so that it stays positive, which keeps the iteration from cycling, see `jacobian`.
 
     Args:
-        state, model, step, work: `State`, `Model`, `Step` and `Work`.
+        state, model: `State` and `Model`.
+        first: `Step` of the first iteration; with smaller scales, only what touched touches in it.
+        step: `Step` of the others.
+        work: `Work`.
         tangents, rows, band: `Tangents`, `Rows` and `Band`, overwritten.
         trial: `State`, overwritten.
         tolerance: of rotations, rad, positions, L, and forces, relative to the largest.
     """
     q, r, F, lam, tau = state
     a, b, pivots = band
-    for iteration in range(ITERATIONS):
-        residuals(state, model, step, work)
-        total, low = jacobian(state, model, step, work, tangents, rows, a, b)
+    for iteration in range(MOST):
+        now = first if iteration == 0 else step
+        residuals(state, model, now, work)
+        if iteration == 0 and first.normal < step.normal:
+            # what touched moves along with its obstacle; what else touches shows then
+            work.near[:] = lam != 0.0
+        total, low = jacobian(state, model, now, work, tangents, rows, a, b)
         if not band_factor(a, total, low, pivots):
             return SINGULAR, iteration
         band_solve(a, total, low, pivots, b)
@@ -118,7 +126,9 @@ def newton(state, model, step, work, tangents, rows, band, trial, tolerance):
         part = 1.0 if turned <= LARGEST else LARGEST / turned
         move(state, b, part, rows, trial)
         q[:], r[:], F[:], lam[:], tau[:] = trial[0], trial[1], trial[2], trial[3], trial[4]
-        if size < tolerance:
+        if size < tolerance and (iteration > 0 or first.normal == step.normal):
             residuals(state, model, step, work)
             return CONVERGED, iteration + 1
-    return STALLED, ITERATIONS
+        if iteration + 1 >= ITERATIONS and (size > CLOSE or step.drag > 0.0):
+            return STALLED, iteration + 1
+    return STALLED, MOST

@@ -16,6 +16,9 @@ from cable_ros.solve.trust_region import Options
 
 SOFT = 1e-5
 """Compliance of stick, L^3 / EI, at which a solve that failed is tried again first."""
+KEPT = 1e-3
+"""Scale of the projections in the first iteration, EI / L^3: so small that what touched still does, however
+far an obstacle goes in a step."""
 TOLERANCE = 1e-8
 """Of Newton's method: rotations, positions, relative forces."""
 ROUGH = 1e-3
@@ -30,7 +33,7 @@ DRAGS = 80
 """Maximum number of steps of a flow."""
 ASIDE = 0.05
 """Fraction of the weight, and of 1 EI / L^3, that acts sideways at first, see `initial_shapes.SIDE`."""
-FLOW_COST = 300
+FLOW_COST = 600
 """Maximum number of iterations of a flow."""
 
 
@@ -56,15 +59,20 @@ class NodalSolver(NodalContacts):
         alike = np.full(state.lam.shape, COMPLIANCE)
         stiff = NORMAL, TANGENTIAL, alike if give is None else give
         soft = NORMAL, 1.0 / SOFT, np.full(state.lam.shape, SOFT)
-        trials = ((True, (stiff,)), (False, (stiff,)), (False, (soft, stiff)))
-        for predict, stages in trials if drag == 0.0 else trials[1:2]:
+        # whether it is extrapolated, whether only what touched touches at first, and the scales in turn
+        trials = (
+            (True, True, (stiff,)), (False, True, (stiff,)),
+            (False, False, (stiff,)), (False, False, (soft, stiff)),
+        )  # fmt: skip
+        for predict, keep, stages in trials if drag == 0.0 else trials[2:3]:
             if predict and not (self._moved and extrapolate(state, self.before, re, drag)):
                 continue
             code = CONVERGED
             for scales in stages:
                 step = Step(qe, re, f, obstacles, carried, turned, kept.tau, kept.q, kept.r, drag, *scales)
+                first = step._replace(normal=KEPT, tangential=KEPT) if keep else step
                 code, count = newton(
-                    state, self._model, step, self._work, self._tangents, self._rows, self._band,
+                    state, self._model, first, step, self._work, self._tangents, self._rows, self._band,
                     self._trial, TOLERANCE if scales is stiff else ROUGH,
                 )  # fmt: skip
                 spent += count
