@@ -7,9 +7,9 @@ another, old code would go on silently, or end in an error where old and new mee
 as long as the file and all files of this package that it imports, directly or not, stay the same.
 
 Numba copies into a function all that it calls, and optimises and keeps the copies again. Here that is left
-to `LEAF` functions. All others are compiled once and called; kept code names those that it calls, which are
-loaded before it. Nor does an argument that is a literal get code of its own. `kernel_compiler` has all that
-needs Numba; a process whose code is kept gets on without it (`kept_code`).
+to short `LEAF` functions. All others are compiled once and called; kept code names those that it calls,
+which are loaded before it. Nor does an argument that is a literal get code of its own. `kernel_compiler` has
+all that needs Numba; a process whose code is kept gets on without it (`kept_code`).
 
 Whoever uses it keeps to the arithmetic that is written, without `fastmath`. Each function's compiled code
 brings its own copies of the functions that it calls, and those loaded first serve all: where an optimiser may
@@ -40,8 +40,8 @@ the arguments is often more code than the function."""
 LEAF_ENTRY: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
 """Options of `LEAF` functions that Python calls as well."""
 LEAF: dict[str, Any] = LEAF_ENTRY | INNER
-"""Options of functions that make no arrays and return none, all that are called often and briefly: they are
-copied into their callers.
+"""Options of functions that make no arrays and return none, all that are called often and briefly: the short
+ones are copied into their callers, the others called.
 
 Numba counts references to arrays: each one that a function takes, or takes a slice of, costs atomic
 additions, altogether more than the arithmetic of a point or two. Such functions need no count: their caller's

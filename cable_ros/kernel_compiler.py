@@ -30,12 +30,16 @@ from numba.np.numpy_support import as_dtype
 from cable_ros.common.compile_watch import listen
 from cable_ros.kept_code import NDARRAY, Kept, add_symbols, maker, save
 from cable_ros.kept_code import Callee as KeptCallee
+from cable_ros.numba_shortcuts import take_shortcuts
 
 _NO_FOLDER = (
     "compiled code cannot be kept, since neither this package's folder nor the user's cache folder can be "
     "written: every start compiles for about half a minute; set NUMBA_CACHE_DIR to a folder that can be"
 )
+MOST_COPIED = 150
+"""Most instructions of a leaf that is copied into its callers."""
 listen()
+take_shortcuts()
 add_symbols(llvm)
 
 
@@ -45,7 +49,7 @@ def dispatcher_of(kernel: Any) -> Any:
     _let_kernels_call(kind)
     function = kernel.py_func
     options = kernel.options | {"no_cfunc_wrapper": True}  # nobody calls through a C function pointer
-    copied = not options.get("_nrt", True)
+    leaf = not options.get("_nrt", True)
     try:
         dispatcher = numba.njit(**options)(function)
     except RuntimeError:
@@ -58,7 +62,7 @@ def dispatcher_of(kernel: Any) -> Any:
         _enter_through_another(dispatcher)
     else:
         _enter_with_care(dispatcher)
-    _link(dispatcher, copied)
+    _link(dispatcher, leaf)
     cache = getattr(dispatcher, "_cache", None)  # none without caching
     file = getattr(cache, "_cache_file", None)
     if cache is not None and file is not None:
@@ -163,7 +167,35 @@ _C_ORDER, _F_ORDER, _WRITEABLE = 0x1, 0x2, 0x400
 
 
 def _array_from_python(typ: Any, given: Any, c: Any) -> NativeValue:
-    """Numba's, which takes any array whose elements have the size, for arrays of this type alone."""
+    """Numba's, which takes any array whose elements have the size, for arrays of this type alone.
+
+    All arguments of a type are converted by one function, where Numba repeats its code for each.
+    """
+    build = c.builder
+    name = f"from_python.{typ}"
+    place = cgutils.alloca_once(build, c.context.get_value_type(typ))
+    known = build.module.globals.get(name) or _conversion(typ, name, place.type, c)
+    failed = build.call(known, [given, place])
+    return NativeValue(build.load(place), is_error=failed)
+
+
+def _conversion(typ: Any, name: str, pointer: Any, c: Any) -> Any:
+    """A function that puts what Python gives into an array of the type, and says whether that failed."""
+    kind = ir.FunctionType(ir.IntType(1), [c.pyapi.pyobj, pointer])
+    out = ir.Function(c.builder.module, kind, name=name)
+    out.linkage = "internal"
+    out.attributes.add("noinline")
+    build = ir.IRBuilder(out.append_basic_block())
+    inside = c._replace(builder=build, pyapi=c.context.get_python_api(build))
+    given, place = out.args
+    native = boxing.unbox_array(typ, _if_of_type(typ, given, inside), inside)
+    build.store(native.value, place)
+    build.ret(native.is_error)
+    return out
+
+
+def _if_of_type(typ: Any, given: Any, c: Any) -> Any:
+    """What Python gives, if it is an array of the type, and None, which is none, otherwise."""
     build, none = c.builder, c.pyapi.borrow_none()
     one = build.select(cgutils.is_null(build, given), none, given)
     fits = cgutils.alloca_once_value(build, cgutils.false_bit)
@@ -189,7 +221,7 @@ def _array_from_python(typ: Any, given: Any, c: Any) -> NativeValue:
             build.icmp_unsigned("==", flags, ir.Constant(number, wanted)),
         ]
         build.store(reduce(build.and_, tests), fits)
-    return boxing.unbox_array(typ, build.select(build.load(fits), one, none), c)
+    return build.select(build.load(fits), one, none)
 
 
 def _integer_from_python(typ: Any, given: Any, c: Any) -> NativeValue:
@@ -227,15 +259,15 @@ def _ndarray(c: Any) -> Any:
     return known[NDARRAY]
 
 
-def _link(dispatcher: Any, copied: bool) -> None:
-    """Note what new code calls; unless it is `copied`, give its callers nothing but its name."""
+def _link(dispatcher: Any, leaf: bool) -> None:
+    """Note what new code calls; unless it is a short leaf, give its callers nothing but its name."""
     inherited = dispatcher.add_overload
 
     def add_overload(compiled: Any) -> None:
         library, symbol = compiled.library, compiled.fndesc.llvm_func_name
         declared = [one.name for one in library._final_module.functions if one.is_declaration]
         _CALLS[symbol] = {name: _CALLEES[name] for name in declared if name in _CALLEES}
-        if not copied:
+        if not (leaf and _is_short(library, symbol)):
             function = dispatcher.py_func
             arguments = tuple(compiled.signature.args)
             _CALLEES[symbol] = Callee(function.__module__, function.__name__, arguments)
@@ -245,6 +277,16 @@ def _link(dispatcher: Any, copied: bool) -> None:
         inherited(compiled)
 
     dispatcher.add_overload = add_overload
+
+
+def _is_short(library: Any, symbol: str) -> bool:
+    """Whether callers shall copy the function, as they did if it was kept."""
+    module = library._shared_module or library._final_module  # the former if it was kept
+    try:
+        function = module.get_function(symbol)
+    except NameError:
+        return False
+    return sum(1 for block in function.blocks for _ in block.instructions) <= MOST_COPIED
 
 
 def _names_only(library: Any, entry: str) -> Any:

@@ -135,6 +135,25 @@ def test_a_literal_argument_gets_no_code_of_its_own():
     assert len(inner.signatures) == 1
 
 
+@pytest.mark.parametrize(("most_copied", "called"), [(0, 1), (10**6, 0)])
+def test_a_short_leaf_is_copied_and_a_long_one_is_called(most_copied, called, monkeypatch):
+    from cable_ros import kernel_compiler
+
+    monkeypatch.setattr(kernel_compiler, "MOST_COPIED", most_copied)
+
+    @compilation.njit(**{**compilation.LEAF, "cache": False})
+    def leaf(x):
+        return x[0] + x[1]
+
+    @compilation.njit()
+    def outer(x):
+        return 2.0 * leaf(x)
+
+    assert outer(np.array([1.0, 4.0])) == 10.0
+    (compiled,) = outer.overloads.values()
+    assert len(kernel_compiler._CALLS[compiled.fndesc.llvm_func_name]) == called
+
+
 def test_a_function_without_an_entry_is_called_from_python_and_by_others():
     @compilation.njit(**{**compilation.INNER, "cache": False})
     def inner(x, count):

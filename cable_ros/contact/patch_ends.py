@@ -29,6 +29,7 @@ from cable_ros.contact.points import (
     add,
     remove,
 )
+from cable_ros.linalg.copies import copy
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -183,14 +184,15 @@ def join(points, count, length):
         while k < count:
             s = points[k, ARC_LENGTH]
             if points[k, OBSTACLE] == o and low <= s <= high:
-                total += points[k, FORCE : BEFORE + 3]
+                for a in range(total.shape[0]):
+                    total[a] += points[k, FORCE + a]
                 moment += points[k, FORCE] * s
                 count = remove(points, count, k)
             else:
                 k += 1
         middle = moment / total[0] if total[0] > 0.0 else 0.5 * (low + high)
         count = add(points, count, o, min(max(middle, low), high), POINT)
-        points[count - 1, FORCE : BEFORE + 3] = total
+        copy(total, points[count - 1, FORCE : BEFORE + 3])
         i = 0
     return count
 

@@ -205,14 +205,16 @@ def make_patch(points, count, o, low, high):
     while i < count:
         s = points[i, ARC_LENGTH]
         if points[i, OBSTACLE] == o and points[i, KIND] == POINT and low <= s <= high:
-            total += points[i, FORCE : BEFORE + 3]
+            for a in range(total.shape[0]):
+                total[a] += points[i, FORCE + a]
             count = remove(points, count, i)
         else:
             i += 1
     for s, kind in ((low, FIRST), (high, LAST)):
         if 0.0 < s < 1.0 and count < points.shape[0]:
             count = add(points, count, o, s, kind)
-            points[count - 1, FORCE : BEFORE + 3] = 0.5 * total
+            for a in range(total.shape[0]):
+                points[count - 1, FORCE + a] = 0.5 * total[a]
     return count
 
 

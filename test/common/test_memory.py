@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 from pathlib import Path
 
 import pytest
 
+from cable_ros.common import memory
 from cable_ros.common.memory import give_back
 
 STATUS = Path("/proc/self/status")
@@ -29,3 +31,16 @@ def test_memory_between_what_is_in_use_is_given_back():
     give_back()
     assert resident() < before - 60.0  # of 82 MB; pages with a piece that stays are 0.3
     assert len(left) == 80
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="Linux only")
+def test_code_that_rests_is_given_back_and_read_again(monkeypatch):
+    """The interpreter's own, of which a part is back at once."""
+    library = "libpython" if memory.code_of("libpython") else Path(sys.executable).resolve().name
+    monkeypatch.setattr(memory, "STARTER", library)
+    pieces = memory.code_of(library)
+    assert sum(length for _, length in pieces) > 1e6
+    before = resident()
+    give_back()
+    assert resident() < before
+    assert sorted([3, 1, 2]) == [1, 2, 3]
