@@ -167,8 +167,8 @@ def exact(rod: NodalRod, tolerance: float, model: int, anywhere: bool = False) -
 
 
 def centred(rod: NodalRod) -> NodalRod | None:
-    """The equilibrium of a nodal rod without friction whose lone contacts are where the cable touches, not in
-    the middle of their cells; None if none is alone, or if it is not found.
+    """The equilibrium of a nodal rod, with its friction, whose lone contacts are where the cable touches, not
+    in the middle of their cells; None if none is alone, or if it is not found.
 
     Each is where the gap has no slope along the cable, the mean of both sides where it has a kink.
     """

@@ -314,16 +314,17 @@ class TrackedEquilibrium(CableModel):
             self._estimate = finer.relative_error(self._q, self._F)
 
     def _centre(self) -> None:
-        """Let what touches at a point alone, without friction, touch where it does, not in its cell's middle.
+        """Let what touches at a point alone touch where it does, not in its cell's middle.
 
         A cable that does not shear has left the grid before.
         """
         rod = self._rod
-        smooth = self._shears and self._model != COULOMB
-        if not isinstance(rod, NodalRod) or not smooth or not rod.touches:
+        if not isinstance(rod, NodalRod) or not self._shears or not rod.touches or self._passing:
             return
         centred = handover.centred(rod)
         if centred is not None:
+            if ((rod.state.lam > 0.0) & ~rod.sliding()).any() and self._model == COULOMB:
+                centred.doubt(rod.twin_error)  # what sticks keeps the grid's error
             self._rod, self._q, self._F = centred, centred.shape, centred.end_force
             self._estimate = centred.relative_error(self._q, self._F)
 

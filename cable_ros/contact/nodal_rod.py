@@ -298,10 +298,11 @@ class NodalRod(NodalSolver):
     def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
         """As `NodalContacts.wrench_response`; what touches at a point alone goes along the cable.
 
-        It goes to where the gap still has no slope. How wrenches and slopes follow it are differences.
+        It goes to where the gap still has no slope. How wrenches and slopes follow it are differences. With
+        friction it stays, as all contacts of a grid do.
         """
         out, x = self._response(moving)
-        if self.offset is None or not np.isfinite(x).all():
+        if self.offset is None or self.state.tau.any() or not np.isfinite(x).all():
             return out
         touching, by = self.lone(), BESIDE / self.cells
         by_motion = np.array([self._slopes_by(k, o, x, moving) for k, o, _ in touching])
