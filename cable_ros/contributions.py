@@ -126,8 +126,8 @@ def _variants(scene: Scene, present: Sequence[tuple[str, ...]]) -> dict[str, lis
             continue
         else:
             names = union | {name}
-        slides = scene.friction_model == "sliding" and {"contact", "friction", "stretch"} <= names
-        if {"contact", "shear"} <= names or slides:
+        slides = scene.friction_model == "sliding" and {"contact", "friction"} <= set(names)
+        if slides and {"stretch", "shear"} & set(names):
             continue  # not together
         out[name] = sorted(names)
     return out

@@ -103,6 +103,8 @@ def warm_up(tracker: Tracker) -> None:
             _solve(Tracker(load_scene(_PULLED)), {})
             if any(obstacle.friction for obstacle in tracker.scene.obstacles):
                 _rehearse_drawn({"axial_stiffness": 1e4})
+        if any(cable.shear_stiffness is not None for cable in tracker.scene.cables):
+            _rehearse_drawn({"shear_stiffness": [1e4, 1e4]})
     give_back()  # the scenes of our own and what was read to load code are a quarter of a node's memory
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from references import rubbing_path
 from references.rubbing import Rods, Touch
 from scipy.spatial.transform import Rotation
 from test_crossing import (
@@ -37,7 +38,7 @@ from cable_ros.scene import SceneError, load_scene
 from cable_ros.tracker import Tracker
 
 PATH = Path(__file__).parent / "data" / "rubbing.json"
-"""By `Rods.step` from where the cables first touch, in about a quarter of an hour."""
+"""By `references/rubbing_path.py`, in about a quarter of an hour."""
 
 
 def tracker(
@@ -126,6 +127,28 @@ def test_the_stored_path_solves_the_equations_of_shooting() -> None:
         assert np.abs(rods.missed(placed(lifts[k]), one.x, last, one.slips)).max() < 1e-7
         size = np.linalg.norm(one.friction) / one.normal_force
         assert size <= limit * (1.0 + 1e-6)
+
+
+def test_the_script_of_the_stored_path_makes_it() -> None:
+    """Where they first touch, and a step that sticks, to the accuracy asked for here."""
+    limit, known, states = stored()
+    assert limit == rubbing_path.FRICTION
+    assert rubbing_path.lifts(known[0]) == pytest.approx(known, abs=1e-12)
+    both = rubbing_path.rods(1e-6)
+    near = np.round(states[0].x[:12], 3).reshape(2, 6)
+    touch = both.begin(rubbing_path.placed(known[0]), near, rubbing_path.ARCS)
+    assert np.abs(touch.x - states[0].x).max() < 1e-5
+    assert both.distance(rubbing_path.placed(known[0]), touch) == pytest.approx(DISTANCE, abs=1e-6)
+    found = both.step(rubbing_path.placed(known[23]), states[22])
+    assert not found.slips
+    assert not states[23].slips
+    assert np.abs(found.x - states[23].x).max() < 1e-5
+    for made, used in zip(rubbing_path.placed(known[3]), placed(known[3]), strict=True):
+        for name in ("length", "stiffness", "linear_density"):
+            assert made[name] == used[name]
+        for end in ("start", "end"):
+            for name in ("position", "rpy"):
+                np.testing.assert_allclose(made[end][name], used[end][name])
 
 
 class Probe:
@@ -256,24 +279,31 @@ def test_the_way_back_is_another_one() -> None:
     assert np.linalg.norm(change[:3]) > 0.03 * np.linalg.norm(down["above"].end_wrench[:3])
 
 
-def test_two_contacts_in_other_steps() -> None:
-    # a hose drawn along under two wires, and back
-    hose = BELOW_TWO
+@pytest.mark.parametrize("count", [2, 4, 8, 16, 32])
+def test_two_contacts_in_other_steps(count: int) -> None:
+    # a hose drawn along under two wires until it leaves one, and back: the same however the path is told
     wires = [across_at("first", -0.05), across_at("second", 0.06)]
     asked: dict[str, Any] = {"cable_contact": {"friction": 0.3}}
-    ends = []
-    for count in (2, 16):
-        model = Tracker(load_scene(scene([hose, *wires], **asked), urdf=SLIDE))
-        slides = [0.03 * k / count for k in range(count + 1)]
-        slides += [0.03 - 0.05 * k / count for k in range(1, count + 1)]
-        for slide in slides:
-            found = model.arrive({"slide": slide})
-            assert all(one.status is Status.CONVERGED for one in found.values()), (slide, found)
-        told = found["hose"].contacts
-        assert [one.obstacle for one in told] == ["first", "second"]
-        assert all(one.sliding for one in told)
-        ends.append(found["hose"].end_wrench)
-    assert ends[0] == pytest.approx(ends[1], abs=0.01 * np.abs(ends[1]).max())
+    model = Tracker(load_scene(scene([BELOW_TWO, *wires], **asked), urdf=SLIDE), tolerance=1e-3)
+    for slide in [*np.linspace(0.0, 0.004, count + 1), 0.001, -0.002]:
+        found = model.arrive({"slide": float(slide)})
+        assert all(one.status is Status.CONVERGED for one in found.values()), (slide, found)
+    told = found["hose"].contacts
+    assert [one.obstacle for one in told] == ["first", "second"]
+    assert all(one.sliding for one in told)
+    assert found["hose"].end_wrench[:3] == pytest.approx([0.126374, 0.000366, 0.243441], abs=5e-6)
+
+
+def test_a_step_that_leaves_two_contacts_and_meets_one_again_is_cut() -> None:
+    wires = [across_at("first", -0.05), across_at("second", 0.06)]
+    asked: dict[str, Any] = {"cable_contact": {"friction": 0.3}}
+    model = Tracker(load_scene(scene([BELOW_TWO, *wires], **asked), urdf=SLIDE))
+    model.solve({"slide": 0.0})
+    found = model.solve({"slide": 0.00375})["hose"]
+    assert found.status is Status.CONVERGED
+    (touch,) = found.contacts
+    assert touch.obstacle == "first"
+    assert touch.sliding
 
 
 def test_stick_does_work_without_a_loss() -> None:

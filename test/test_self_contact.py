@@ -23,22 +23,14 @@ from test_crossing import (
     transformed,
 )  # fmt: skip
 from zoo_make import led
+from zoo_strands import LOOP
 
 from cable_ros.bench.cases import case_scene
+from cable_ros.bench.strand_surfaces import with_strands
 from cable_ros.equilibrium import Contact, Equilibrium, Status
 from cable_ros.scene import load_scene
 from cable_ros.tracker import Tracker
 
-LOOP = {
-    "name": "loop",
-    "length": 0.5,
-    "stiffness": [0.0013, 0.0011, 0.0009],
-    "outer_diameter": 0.008,
-    "linear_density": 0.02,
-    "start": {"position": [0.0, 0.0, 0.0], "rpy": [0.0, math.pi / 2, 0.0]},
-    "end": {"link": "tool", "position": [0.1, 0.01, 0.0], "rpy": [0.0, math.pi / 2, 0.2]},
-}
-"""It hangs in a loop whose strands cross; from 0.06 m up, where they are apart, its end comes down."""
 APART = 0.06
 DIAMETER = 0.008
 WIRE = {
@@ -107,6 +99,24 @@ def test_forces_are_in_balance() -> None:
     weight = LOOP["length"] * LOOP["linear_density"] * GRAVITY
     np.testing.assert_allclose(weight, start[:3] + end[:3], atol=1e-8 * np.linalg.norm(weight))
     np.testing.assert_allclose(found.obstacle_wrenches["loop"], 0.0, atol=1e-8)
+
+
+def test_the_zoos_judge_sees_wrong_strands() -> None:
+    found = followed(-0.01, 1e-4)
+    table = found._touching()
+    told, surfaces, wrong = with_strands(found, "loop", LOOP["length"], DIAMETER)
+    assert not wrong
+    assert [one.obstacle for one in told.contacts] == list(surfaces)
+    for one in told.contacts:
+        assert abs(surfaces[one.obstacle].signed(one.position)) < 1e-9
+    for change in (
+        {"force": table.force * [[1.0], [0.9]]},
+        {"position": table.position + [[0.0], [1e-5]] * table.normal},
+        {"other_arc_length": table.other_arc_length + 1e-3},
+    ):
+        other = dataclasses.replace(table, **change)
+        claim = dataclasses.replace(found, _touching=functools.partial(lambda it: it, other))
+        assert with_strands(claim, "loop", LOOP["length"], DIAMETER)[2]
 
 
 @pytest.mark.parametrize("axial", [{}, {"axial_stiffness": 50.0}])

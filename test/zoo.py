@@ -21,6 +21,7 @@ from zoo_drawn import DRAWN
 from zoo_ends import ENDS
 from zoo_hose import PASSING
 from zoo_make import ARM, SKEW, arm, cable, exact, led, solved, turned, without_target_twist
+from zoo_strands import STRANDS
 
 from cable_ros.bench.carriage import on_carriage
 from cable_ros.bench.cases import TRUSTED, Case
@@ -430,5 +431,6 @@ CASES: tuple[Case, ...] = (
     *joint_motion(),
     *CONTACT,
     *PASSING,
+    *STRANDS,
     *DRAWN,
 )

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from cable_ros.bench.contact_checks import Surface, contact_fault, pull_fault, surfaces, touches
 from cable_ros.bench.end_checks import clamped, judge_ends
 from cable_ros.bench.path_bounds import PathBounds, path_bounds
+from cable_ros.bench.strand_surfaces import with_strands
 from cable_ros.bench.verification import Rod, Verification, verify
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import Scene, load_scene
@@ -224,8 +225,12 @@ def solve_step(
         if usable:
             resolved = _resolved(name, rod, answers[name], tracker, joints)
             met = surfaces(scene, kinematics, joint_values(kinematics, joints), cables[name].radius)
-            if clamped(cables[name]):
-                verification, fault = judge(rod, resolved, tracker.tolerance, met)
+            verification, fault = None, None
+            apart, strands, wrong = with_strands(resolved, name, rod.length, 2.0 * cables[name].radius)
+            if wrong:
+                fault = wrong
+            elif clamped(cables[name]):
+                verification, fault = judge(rod, apart, tracker.tolerance, {**met, **strands})
             else:
                 verification, fault = judge_ends(cables[name], rod, resolved, tracker.tolerance)
             if met and answers[name].status in (Status.OUT_OF_REACH, Status.NOT_CONVERGED):

@@ -42,6 +42,8 @@ class Surface:
 
     signed: Distance
     friction: float
+    solid: bool = True
+    """Whether nothing of the cable may be inside; not of its own other strand."""
 
 
 def surfaces(scene: Scene, kinematics: Kinematics, joints: np.ndarray, radius: float) -> dict[str, Surface]:
@@ -149,6 +151,8 @@ def contact_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> s
         if rub > surface.friction * contact.normal_force + ROUNDING * largest:
             return f"{where}: friction {rub:.3e} N beyond the cone of {contact.normal_force:.3e} N"
     for name, surface in met.items():
+        if not surface.solid:
+            continue
         deepest = float(surface.signed(claim.points[1:-1]).min()) / rod.length
         # on a grid the cable may sag between two contacts, by less than what the grid costs
         if deepest < -max(DEPTH, GRID_DEPTH * claim.error_estimate):

@@ -60,6 +60,11 @@ class CableModel:
         """Maximum distance between the clamps, L."""
         return 1.0 if self._compliance is None or not self._compliance[2] else LONGEST_STRETCH
 
+    @property
+    def _shears(self) -> bool:
+        """Whether sections tilt against the centreline: such a cable has contact on a grid alone."""
+        return self._compliance is not None and bool(self._compliance[:2].any())
+
     def _conditions(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, before: np.ndarray
     ) -> Conditions:

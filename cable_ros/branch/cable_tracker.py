@@ -23,7 +23,7 @@ from cable_ros.branch.cold_start import (
 )
 from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, continue_branch
 from cable_ros.branch.property_change import Section, follow, with_section
-from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
+from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY, SearchedEquilibrium
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.travel import travel
@@ -35,8 +35,6 @@ from cable_ros.rod.rod_state import TWIST
 from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
 
-ALGEBRAIC = 1e-3
-"""Fraction of the tolerance at which Newton's method stops: negligible beside the discretisation error."""
 LONGEST = 0.5
 """Maximum step in joint values, rad or m, that is taken at once: a whole turn must not be overlooked."""
 PATIENCE = 6
@@ -93,7 +91,7 @@ class CableTracker(SearchedEquilibrium):
         self._estimate = np.inf
         if changed is not None:
             self._rod, self._q, self._F = changed
-        elif rod.obstacles is not None:
+        elif rod.obstacles is not None and (rod.on_grid or not (self._shears and rod.touches)):
             self._rod, self._F = with_section(rod, section, scale), self._F / scale
             self._rod.refactor(self._q, self._F)
         else:

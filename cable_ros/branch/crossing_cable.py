@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.branch.cable_tracker import ALGEBRAIC
 from cable_ros.branch.results import Reader
+from cable_ros.branch.searched_equilibrium import ALGEBRAIC
 from cable_ros.branch.shared_piece import Kept, Place, SharedPiece
 from cable_ros.branch.strand_springs import Strands, StrandSprings
 from cable_ros.contact.active_set_rod import ActiveSetRod

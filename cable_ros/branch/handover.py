@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import LENIENT, LIMIT, Conditions, Found, Sought, first_mesh, refine
+from cable_ros.branch.cold_start import LENIENT, LIMIT, Conditions, Found, Sought, first_mesh, refine, settled
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.grid_friction import Friction
 from cable_ros.contact.nodal_contacts import MOST, point_count
@@ -15,6 +15,7 @@ from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, KIND, NUMBER, OBSTACLE, SAMPLE
 from cable_ros.contact.report import positions
+from cable_ros.contact.shearing_rod import among_obstacles
 from cable_ros.contact.stretching_rod import StretchingTouchingRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
@@ -60,17 +61,21 @@ SOLVES = 2
 """Their number: the first may change the contacts."""
 TRIES = 3
 """Number of initial shapes that a search relaxes on a grid."""
+CENTRINGS, CENTRED, FARTHEST_OFF = 8, 1e-7, 0.05
+"""Maximum number of solves that bring lone contacts to where they touch, the distance, L, at which they are
+there, and that at which they are not sought further."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Arc lengths at which shapes are compared."""
 
 
-def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
-    """The equilibrium (q, F) and its friction on a uniform grid of contacts; None if that fails."""
-    if (
-        not isinstance(rod, TouchingRod)
-        or rod.obstacles is None
-        or (rod.compliance.any() and rod.model != COULOMB)
-    ):
+def nodal(rod: Rod, q: np.ndarray, F: np.ndarray, always: bool = False) -> NodalRod | None:
+    """The equilibrium (q, F) and its friction on a uniform grid of contacts; None if that fails.
+
+    `always`: even if a cable that stretches does better without.
+    """
+    if not isinstance(rod, TouchingRod) or rod.obstacles is None:
+        return None
+    if rod.compliance.any() and not (rod.replaceable or always):
         return None
     points = rod.points[: rod.count]
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
@@ -78,7 +83,7 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
     count = max(point_count(float(force)), int(min(CELLS / _longest_span(points), MOST)))
     rod.refactor(q, F)
     arc_lengths, which = points[:, ARC_LENGTH], points[:, OBSTACLE].astype(int)
-    if rod.compliance.any():
+    if rod.compliance.any() and rod.count:
         arc_lengths, forces, which = _spread(rod, forces)
     best, least = None, FARTHEST
     for cells in (count, int(FINER * count)):
@@ -129,6 +134,8 @@ def exact(rod: NodalRod, tolerance: float, model: int, anywhere: bool = False) -
 
     `anywhere`: whether another one that a descent finds will do, too: in a search any is as good.
     """
+    if rod.compliance[:2].any():
+        return None if rod.touches else _lifted(rod, tolerance)
     if model != FRICTIONLESS and rod.touches:
         return _with_friction(rod, tolerance) if model == COULOMB else None
     assert rod.obstacles is not None
@@ -157,6 +164,57 @@ def exact(rod: NodalRod, tolerance: float, model: int, anywhere: bool = False) -
         rod.tried += 1  # without budget left, the next pose tries the next
     rod.work -= given - left
     return found
+
+
+def centred(rod: NodalRod) -> NodalRod | None:
+    """The equilibrium of a nodal rod, with its friction, whose lone contacts are where the cable touches, not
+    in the middle of their cells; None if none is alone, or if it is not found.
+
+    Each is where the gap has no slope along the cable, the mean of both sides where it has a kink.
+    """
+    assert rod.obstacles is not None
+    last: dict[int, tuple[float, float]] = {}
+    places = {o: s for _, o, s in rod.lone()}
+    if not places or len(places) != len(rod.lone()):
+        return None
+    now = rod
+    for _ in range(CENTRINGS):
+        new = now.moved(list(places.values()))
+        if new is None:
+            return None
+        now = new
+        boundaries = np.append(now.s0, 1.0)
+        off, there = 0.0, {}
+        for k, o, s in now.lone():
+            slope, bend = now.rise(k, rod.obstacles[o]), now.bend(k, o)
+            if o in last and last[o][0] != s:
+                bend = (slope - last[o][1]) / (s - last[o][0])
+            there[o] = s - slope / bend if bend > 0.0 else np.nan
+            last[o] = s, slope
+            off = max(off, abs(there[o] - boundaries[k]))
+        if there.keys() != places.keys() or not off < FARTHEST_OFF:
+            return None  # it touches along a patch, or elsewhere
+        places = there
+        if off < CENTRED:
+            now.offset = off
+            now.pair()
+            return now
+    return None
+
+
+def _lifted(rod: NodalRod, tolerance: float) -> Found | None:
+    """As `exact`, of a cable that shears and touches nothing any more."""
+    assert rod.obstacles is not None
+    conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
+    given = min(rod.work, EXACT_WORK)
+    new, q = _started(rod, mesh, tolerance, given)
+    found = settled(new, new.minimum(q, rod.end_force, SETTLE))
+    rod.work -= given - new.work
+    if found is None:
+        return None
+    one, estimate = refine(found, tolerance)
+    return one if estimate <= tolerance and _same(rod, one) else None
 
 
 def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
@@ -195,11 +253,7 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
 
 def _started(rod: NodalRod, mesh: Mesh, tolerance: float, work: float) -> tuple[TouchingRod, np.ndarray]:
     """A rod without contacts on the `mesh`, under the grid's conditions; the grid's shape (n, 4) on it."""
-    section = mesh, rod.K, rod.natural
-    if rod.compliance.any():
-        new: TouchingRod = StretchingTouchingRod(*section, rod.compliance, tolerance)
-    else:
-        new = TouchingRod(*section, tolerance)
+    new = among_obstacles(mesh, rod.K, rod.natural, rod.compliance, tolerance)
     new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     new.work = work
     return new, _shape(rod, mesh)

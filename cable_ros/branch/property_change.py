@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_ros.branch import handover
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.stretching_rod import StretchingTouchingRod
+from cable_ros.contact.shearing_rod import among_obstacles
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
 from cable_ros.rod.extensible import StretchingRod
@@ -69,10 +70,7 @@ def with_section(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
 def _touching(rod: TouchingRod, section: Section, scale: float) -> TouchingRod:
     """`with_section` of a rod among obstacles that stretches before or after."""
     one = rod.mesh, section.stiffness, section.natural
-    if section.compliance is None or not section.compliance.any():
-        new = TouchingRod(*one, rod.tolerance, rod.density)
-    else:
-        new = StretchingTouchingRod(*one, section.compliance, rod.tolerance, rod.density)
+    new = among_obstacles(*one, section.compliance, rod.tolerance, rod.density)
     new.set_conditions(rod.qe, rod.re, section.load, rod.obstacles)
     new.take_contacts(rod, scale)
     return new
@@ -83,8 +81,25 @@ def follow(
 ) -> tuple[Rod, np.ndarray, np.ndarray] | None:
     """Continue the equilibrium (q, F) of a rod to the target at fixed clamps; None if the branch ends before.
 
-    `scale` is the new unit of force over the old one. The rod itself does not change.
+    `scale` is the new unit of force over the old one. The rod itself does not change. One that touches and
+    will shear goes onto a grid of contacts first, and so does one that the shear makes touch.
     """
+    shears = target.compliance is not None and bool(target.compliance[:2].any())
+    on_contacts = shears and isinstance(rod, TouchingRod)
+    if not (on_contacts and rod.touches):
+        found = _follow(rod, q, F, target, scale, tolerance)
+        if found is not None or not on_contacts:
+            return found
+    on_grid = handover.nodal(rod, q, F, always=True)
+    if on_grid is None:
+        return None
+    return _follow(on_grid, on_grid.shape, on_grid.end_force, target, scale, tolerance)
+
+
+def _follow(
+    rod: Rod, q: np.ndarray, F: np.ndarray, target: Section, scale: float, tolerance: float
+) -> tuple[Rod, np.ndarray, np.ndarray] | None:
+    """`follow` on one kind of rod."""
     soft = rod.compliance * scale if rod.compliance.any() else None
     before = Section(rod.K / scale, rod.natural, rod.f / scale, soft)
     F = F / scale

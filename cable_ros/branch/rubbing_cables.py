@@ -81,11 +81,18 @@ class RubbingCables(RubbingNewton, CrossedCables):
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, spacers: list[Spacer],
         pair: Pair, slots: tuple[int, int],
     ) -> list[Spacer] | None:  # fmt: skip
-        """As `CrossedCables._pushed`; contact begins, without friction, in a step in which it is faint."""
+        """As `CrossedCables._pushed`; contact begins, without friction, in a step in which it is faint.
+
+        Contact that has been left in this step, and would begin again, shows that the step is too long: its
+        friction is that of the last equilibrium, from which pushing starts far away.
+        """
+        begins = self._cold or self._joints is None
+        short = begins or float(np.abs(joints - self._joints).max(initial=0.0)) <= BEGINS * SHORTEST
+        before = None if short else self._before_was(pair)
+        if before is not None and before.known_to(self.spacers):
+            return None
         found = super()._pushed(kinematics, joints, poses, spacers, pair, slots)
-        if found is None or self._cold or self._joints is None:
-            return found
-        if float(np.abs(joints - self._joints).max(initial=0.0)) <= BEGINS * SHORTEST:
+        if found is None or short:
             return found
         largest = max(cable.pull for cable in self.cables)
         force = max(touch.force for touch in self._touches(found[-1], poses))

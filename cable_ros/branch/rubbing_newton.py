@@ -85,6 +85,7 @@ class RubbingNewton(CrossingNewton):
         self._last: dict[Key, tuple[np.ndarray, int]] = {}
         """Friction there, on the first cable, and whether it stuck or slipped."""
         self._forces: dict[Key, np.ndarray] = {}  # these now
+        self._pressing: dict[Key, float] = {}  # normal forces there, N
         self._states: dict[Key, int] = {}
         self._of_tangent: list[int] = []  # the states that `_inverse` is of
         self._poses = np.zeros((0, 2, 7))  # of the clamps, in the last attempt
@@ -295,7 +296,7 @@ class RubbingNewton(CrossingNewton):
     def _accept(self, joints: np.ndarray, pairs: Sequence[Pair], spacers: Sequence[Spacer]) -> None:
         states, forces = self._states, self._forces
         super()._accept(joints, pairs, spacers)
-        grips, self._last = {}, {}
+        grips, self._last, self._pressing = {}, {}, {}
         for one in self.spacers:
             at, n = key(one), one.frame[2]
             force = across(forces.get(at, np.zeros(3)), n)
@@ -313,7 +314,7 @@ class RubbingNewton(CrossingNewton):
                     if np.linalg.norm(force) > (1.0 - AT_LIMIT) * self.limit * touches[0].force
                     else STICKS
                 )
-            self._last[at] = force, state
+            self._last[at], self._pressing[at] = (force, state), touches[0].force
         self._grips = grips
         self._inverse = None  # of other sections
 
@@ -396,11 +397,14 @@ class RubbingNewton(CrossingNewton):
         now = np.stack([cable.clamps for cable in self.cables])
         motions = np.concatenate([motion(a, b) for a, b in zip(now, poses, strict=True)])
         unknowns, rubbing = FREEDOMS * len(spacers), [key(one) for one in self.spacers if key(one) in states]
-        for _ in range(2):
+        given, known = dict(states), dict(self._forces)
+        cones = {at: self.limit * force for at, force in self._pressing.items()}
+        yielding: set[Key] = set()
+        for _ in range(3):
             self._states = {at: CARRIED if state == SLIPS else STICKS for at, state in states.items()}
             found = self._renew(self.spacers, now)
             if not found or self._inverse is None or self._sides is None:
-                self._states = states
+                self._states, self._forces = given, known
                 return None
             step = -self._inverse @ (self._pushes @ motions)
             moved = self._sides.moved[:, : len(step)] @ step + self._sides.carried @ motions
@@ -409,9 +413,21 @@ class RubbingNewton(CrossingNewton):
                 at for at, (first, second) in places.items()
                 if states[at] == SLIPS and self._forces[at] @ (first - second) > 0.0
             ]  # fmt: skip
-            if not turned:
+            forces = {
+                at: self._forces[at] + change
+                for at, change in zip(rubbing, step[unknowns:].reshape(-1, UNKNOWNS)[:, :3], strict=True)
+            }
+            beyond = [
+                at for at in rubbing
+                if states[at] != SLIPS and at not in yielding and np.linalg.norm(forces[at]) > cones[at]
+            ]  # fmt: skip
+            if not (turned or beyond):
                 break
             states = states | dict.fromkeys(turned, STICKS)  # what would slip along its friction turns back
+            states = states | dict.fromkeys(beyond, SLIPS)  # and what would stick beyond its limit slips
+            yielding |= {*turned, *beyond}
+            for at in beyond:
+                self._forces[at] = forces[at] * (cones[at] / float(np.linalg.norm(forces[at])))
         self._states = states
         least = min(one.apart for one in spacers)
         part = min(1.0, FARTHEST * least / max(float(np.abs(step[:unknowns]).max()), 1e-300))

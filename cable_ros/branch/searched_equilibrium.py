@@ -11,14 +11,19 @@ import numpy as np
 from cable_ros.branch.branch_record import BranchRecord
 from cable_ros.branch.cold_start import Found, Sought, equilibria, refine, same
 from cable_ros.branch.continuation import VERY_TAUT
+from cable_ros.branch.property_change import Section, follow
 from cable_ros.branch.search import Search
 from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
 from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.shearing_rod import without_shear
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import Kinematics
 
 FREE_COLD_WORK = 300_000
 """Budget of a search without obstacles, iterations times unknowns: about 250 ms at 0.8 us."""
+ALGEBRAIC = 1e-3
+"""Fraction of the tolerance at which Newton's method stops: negligible beside the discretisation error."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -76,7 +81,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             conditions,
             target_twist,
             self.tolerance,
-            self._compliance,
+            self._sought_compliance,
             self._ends,
         )
         return self._search(Pending(Search(sought), joints, poses, loss_cause), begin)
@@ -92,7 +97,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
         seconds = time.perf_counter() - begin
         if not search.over:
             return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, seconds)
-        found = search.found
+        found = None if search.found is None else self._with_shear(search.found)
         if found is None:
             return self.failed(Status.NOT_CONVERGED, self._nothing_found, seconds)
         if pending.loss_cause:
@@ -105,6 +110,30 @@ class SearchedEquilibrium(TrackedEquilibrium):
         self._grid_history, self._taut_force = None, VERY_TAUT
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
+
+    @property
+    def _sought_compliance(self) -> np.ndarray | None:
+        """With which a search begins: among obstacles shear comes afterwards, see `_with_shear`."""
+        return self._compliance if self._obstacles is None else without_shear(self._compliance)
+
+    def _with_shear(self, found: Found) -> Found | None:
+        """What a search among obstacles has found, brought to the cable's shear; None if that fails.
+
+        Friction begins at zero there, as in any search.
+        """
+        if not self._shears or self._obstacles is None:
+            return found
+        section = Section(self._stiffness, self._natural, found.rod.f, self._compliance)
+        followed = follow(found.rod, found.q, found.F, section, 1.0, ALGEBRAIC * self.tolerance)
+        if followed is None:
+            return None
+        rod, q, F = followed
+        if isinstance(rod, NodalRod):
+            rod.coulomb = self._model == COULOMB
+            rod.pair()
+            return Found.at(rod, q, F, found.iterations)
+        fine, estimate = refine(Found.at(rod, q, F, found.iterations), self.tolerance)
+        return fine if estimate <= self.tolerance else None
 
     @property
     def _nothing_found(self) -> str:
@@ -151,13 +180,14 @@ class SearchedEquilibrium(TrackedEquilibrium):
                 target_twist,
                 self.tolerance,
                 True,
-                self._compliance,
+                self._sought_compliance,
                 self._ends,
             ):
                 fine, estimate = refine(one, self.tolerance)
                 if estimate <= self.tolerance and not any(same(fine, other) for other in found):
                     found.append(fine)
-        for one in sorted(found, key=lambda one: one.energy):
+        sheared = [self._with_shear(one) for one in found]
+        for one in sorted([one for one in sheared if one is not None], key=lambda one: one.energy):
             self._take(one, joints)
             status = Status.CONVERGED
             out.append(self._finish(status, status.sentence, one.iterations, poses, begin))

@@ -9,11 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.branch.cable_tracker import ALGEBRAIC, CableTracker
+from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.cold_start import Conditions
 from cable_ros.branch.coupling import Ends, Section
 from cable_ros.branch.held_ends import ends_of
 from cable_ros.branch.results import Reader, Tangent
+from cable_ros.branch.searched_equilibrium import ALGEBRAIC
 from cable_ros.branch.snap_through import snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.active_set_rod import ActiveSetRod

@@ -165,6 +165,7 @@ class TrackedEquilibrium(CableModel):
             self._estimate = self._rod.relative_error(self._q, self._F)
             self._exactly(self._rod, status)
             self._finer()
+            self._centre()
         else:
             self._off_grid.shorten()
         rod = self._rod
@@ -312,10 +313,25 @@ class TrackedEquilibrium(CableModel):
             self._rod, self._q, self._F = finer, finer.shape, finer.end_force
             self._estimate = finer.relative_error(self._q, self._F)
 
+    def _centre(self) -> None:
+        """Let what touches at a point alone touch where it does, not in its cell's middle.
+
+        A cable that does not shear has left the grid before.
+        """
+        rod = self._rod
+        if not isinstance(rod, NodalRod) or not self._shears or not rod.touches or self._passing:
+            return
+        centred = handover.centred(rod)
+        if centred is not None:
+            if ((rod.state.lam > 0.0) & ~rod.sliding()).any() and self._model == COULOMB:
+                centred.doubt(rod.twin_error)  # what sticks keeps the grid's error
+            self._rod, self._q, self._F = centred, centred.shape, centred.end_force
+            self._estimate = centred.relative_error(self._q, self._F)
+
     @property
     def _limit(self) -> float:
         """Maximum error of a published equilibrium on a grid of contacts."""
-        return max(self.tolerance, GRID if self._model == COULOMB else 0.0)
+        return max(self.tolerance, GRID if self._model == COULOMB or self._shears else 0.0)
 
     def _closest_approach(self, start: np.ndarray) -> float:
         """Smallest distance of the cable from itself, m; `start` (7,): where it starts."""

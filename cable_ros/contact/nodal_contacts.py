@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.contact.distance import gaps
+from cable_ros.contact.distance import gap, gaps
 from cable_ros.contact.nodal_kernels import COMPLIANCE, contact_frames, residuals
 from cable_ros.contact.nodal_response import contact_tangents, frozen_step, wrench_response
 from cable_ros.contact.nodal_stability import ITERATIONS, PENALTY, RIGID, condensed, softest
@@ -35,14 +35,25 @@ FIRST = np.array([1.0, 0.0, 0.0])
 """First direction of a contact's frame before anything has touched, not yet projected along the normal."""
 
 
-def cells(count: int) -> Mesh:
+def cells(count: int, at: Sequence[float] = ()) -> Mesh:
     """The mesh whose inner boundaries are the middles of `count` equal cells.
 
     Each contact stands for one cell. With a contact at the ends of cells the clamps would bear half of one.
+    Of the arc lengths `at`, L, each has the boundary next to it.
     """
     lengths = np.full(count + 1, 1.0 / count)
     lengths[[0, -1]] *= 0.5
+    if at:
+        places = (np.arange(count) + 0.5) / count
+        for s in at:
+            k = int(np.clip(s * count, 0, count - 1))
+            places[k] = np.clip(s, (k + SHORTEST) / count, (k + 1.0 - SHORTEST) / count)
+        lengths = np.diff(np.concatenate(([0.0], places, [1.0])))
     return Mesh(reference_element(ORDER), lengths)
+
+
+SHORTEST = 0.01
+"""Least distance of a boundary from the end of its cell, cells."""
 
 
 def point_count(force: float) -> int:
@@ -74,16 +85,18 @@ class NodalContacts(Rod):
         obstacles: (o, WIDTH) that it may touch.
         points: number of contact points, each in the middle of a cell; see `point_count`.
         coulomb: whether there is friction.
-        compliance: (3,) in units of the cable, 0, 0, 1 / EA.
+        compliance: (3,) 1 / GAx, 1 / GAy, 1 / EA in units of the cable.
+        at: arc lengths, L, at which one of them is, instead of in the middle of its cell.
     """
 
     def __init__(
         self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
         points: int = FEWEST, coulomb: bool = True, compliance: np.ndarray = NOTHING,
+        at: Sequence[float] = (),
     ) -> None:  # fmt: skip
-        self.cells = points
+        self.cells, self.at = points, tuple(at)
         self.compliance = np.ascontiguousarray(compliance, float)
-        super().__init__(cells(self.cells), stiffness, natural)
+        super().__init__(cells(self.cells, self.at), stiffness, natural)
         self.coulomb = coulomb
         elements, count = len(self.h), len(obstacles)
         self.state, self.before = State.zeros(elements, count), State.zeros(elements, count)
@@ -187,12 +200,66 @@ class NodalContacts(Rod):
 
     def _rates(self) -> np.ndarray:
         """(m, g, 3) derivatives of the centreline by the arc length of the unloaded cable."""
-        tangents = quaternion.tangents(self.mesh.interpolate(self.state.q, self._gauss_places().ravel()))
-        tangents = tangents.reshape(len(self.h), -1, 3)
+        frames = self.mesh.interpolate(self.state.q, self._gauss_places().ravel())
+        tangents = quaternion.tangents(frames).reshape(len(self.h), -1, 3)
         if self.compliance.any():
             tension = np.einsum("ma,mga->mg", self.state.F, tangents)
             tangents *= 1.0 + self.compliance[2] * tension[..., None]
+        if self.compliance[:2].any():
+            turns = quaternion.matrices_from_ros(quaternion.to_ros(frames)).reshape(len(self.h), -1, 3, 3)
+            across = turns[..., :2]  # the section's axes but the tangent
+            tangents += np.einsum("mgad,d,mgbd,mb->mga", across, self.compliance[:2], across, self.state.F)
         return tangents
+
+    def directions(self) -> np.ndarray:
+        """(m + 1, 3) unit vectors along the centreline at the boundaries; where it has a kink, their mean.
+
+        The frames' tangents, unless the cable shears.
+        """
+        if not self.compliance[:2].any():
+            return quaternion.tangents(self.state.q[::ORDER])
+        rates = self._boundary_rates()
+        return np.asarray(rates / np.linalg.norm(rates, axis=1)[:, None])
+
+    def _boundary_rates(self) -> np.ndarray:
+        """(m + 1, 3) mean of the derivatives of the centreline on both sides of the boundaries."""
+        F = self.state.F
+        mean = np.concatenate((F[:1], 0.5 * (F[1:] + F[:-1]), F[-1:]))
+        turns = quaternion.matrices_from_ros(quaternion.to_ros(self.state.q[::ORDER]))
+        return np.asarray(turns[:, :, 2] + np.einsum("kad,d,kbd,kb->ka", turns, self.compliance, turns, mean))
+
+    def lone(self) -> list[tuple[int, int, float]]:
+        """Boundary, obstacle and arc length of each contact at one boundary, or between two, alone."""
+        out, places = [], np.append(self.s0, 1.0)
+        for o in range(self.state.lam.shape[1]):
+            pressed = np.flatnonzero(self.state.lam[:, o] > 0.0)
+            for run in np.split(pressed, np.flatnonzero(np.diff(pressed) > 1) + 1):
+                if 0 < len(run) < 3:
+                    lam = self.state.lam[run, o]
+                    out.append((int(run[np.argmax(lam)]), o, float(lam @ places[run] / lam.sum())))
+        return out
+
+    def rise(self, k: int, body: np.ndarray, state: State | None = None) -> float:
+        """Slope of the gap to an obstacle, `body` (WIDTH,), by the arc length at the boundary k.
+
+        `state`: the last equilibrium, or one beside it.
+        """
+        n, d, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+        state = self.state if state is None else state
+        gap(body, state.r[k], n, d, bends)
+        q, mean = state.q[ORDER * k], 0.5 * (state.F[k - 1] + state.F[k])
+        turn = quaternion.matrices_from_ros(quaternion.to_ros(q[None] / np.linalg.norm(q)))[0]
+        return float(n @ (turn[:, 2] + turn @ (self.compliance * (turn.T @ mean))))
+
+    def bend(self, k: int, o: int) -> float:
+        """About how `rise` changes, 1 / L, as the boundary k goes along the cable, and its kink with it."""
+        assert self.obstacles is not None
+        n, d, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+        phi = [gap(self.obstacles[o], self.state.r[i], n, d, bends) for i in (k - 1, k + 1, k)]
+        turn = quaternion.matrices_from_ros(quaternion.to_ros(self.state.q[ORDER * k][None]))[0]
+        before, after = self.h[k - 1], self.h[k]
+        kink = float(self.state.lam[k, o] * (self.compliance * (turn.T @ n) ** 2).sum())
+        return float(2.0 * ((phi[1] - phi[2]) / after + (phi[0] - phi[2]) / before + kink) / (before + after))
 
     def centreline(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """(m, g + 1, 3) of `centreline.curve` at the last equilibrium, which (q, F) must be."""
@@ -283,6 +350,15 @@ class NodalContacts(Rod):
         _, touched, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
         return *touched, condensed(contacts)
 
+    def all_wrenches(self, moving: Sequence[int]) -> np.ndarray:
+        """(12 + 6 k,) on the cable: of the clamps along their axes, of k obstacles about the start clamp."""
+        turn = quaternion.matrices_from_ros(quaternion.to_ros(self.qe)[None])[0]
+        F, forces = self.state.F, self.contact_forces()
+        parts = [-F[0], self.g[0], turn.T @ F[-1], self.g[-1]]
+        for o in moving:
+            parts += [forces[:, o].sum(axis=0), np.cross(self.state.r, forces[:, o]).sum(axis=0)]
+        return np.concatenate(parts)
+
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         return self.wrench_response(q, F, ())
 
@@ -291,6 +367,10 @@ class NodalContacts(Rod):
 
         At the last equilibrium, which (q, F) must be.
         """
+        return self._response(moving)[0]
+
+    def _response(self, moving: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """`nodal_response.wrench_response` of the last equilibrium."""
         state, (normals, forces) = self.state, self._pressed()
         friction = forces - state.lam[:, :, None] * normals
         step = frozen_step(state, self._last_step(), friction, self.frames, self.sliding())

@@ -26,7 +26,7 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.distance import AXES, CENTRE, FRICTION_COEFFICIENT, across, gap
-from cable_ros.contact.nodal_stretch import strain_moments, strain_positions
+from cable_ros.contact.nodal_stretch import strain_moments, strain_positions, strains
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import LANES
 from cable_ros.rod.energy_kernels import FORCE, gradient
@@ -177,7 +177,7 @@ def residuals(state, model, step, work):
     evaluation = work.evaluation
     g, lanes = evaluation.g, evaluation.lanes
     elements = h.shape[0]
-    soft, strained = model.compliance[2] > 0.0, 0.0
+    soft, strained = strains(model.compliance), 0.0
     evaluation.acc[:] = 0.0
     if soft:
         strained = strain_moments(state, model, evaluation.acc)

@@ -52,6 +52,12 @@ def move(state, b, part, rows, new):
 
 
 @njit(**OPTIONS)
+def state_moved(state, b, part, rows, new):
+    """`move` as Python calls it."""
+    move(state, b, part, rows, new)
+
+
+@njit(**OPTIONS)
 def extrapolate(state, before, re, drag):
     """Extrapolate `state` in place from the equilibrium `before`, as far as the end goes on along its path.
 

@@ -47,10 +47,11 @@ def frozen_step(state: State, step: Step, forces: np.ndarray, frames: np.ndarray
 def wrench_response(
     state: State, model: Model, step: Step, work: Work, tangents: Tangents, rows: Rows, band: Band,
     forces: np.ndarray, moving: Sequence[int],
-) -> np.ndarray:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Derivative (12 + 6 k, 12 + 6 k) of the wrenches on the cable by motions of clamps and obstacles.
 
-    Rows and columns as in `response.wrench_response`; NaN if the equations are singular.
+    Rows and columns as in `response.wrench_response`; NaN if the equations are singular. And the derivative
+    of the unknowns, numbered by `rows`.
 
     Args:
         state: an equilibrium.
@@ -67,13 +68,8 @@ def wrench_response(
     qe, re, f = state.q[-1], state.r[-1], step.f
     turn = quaternion.matrices_from_ros(quaternion.to_ros(qe)[None])[0]
 
-    # the motions, seen from the start clamp: where that moves, all else moves the other way
     motions = 12 + 6 * len(moving)
-    shift, spin = np.zeros((len(step.obstacles), 3, motions)), np.zeros((len(step.obstacles), 3, motions))
-    shift[:, :, 0:3] = spin[:, :, 3:6] = -np.eye(3)
-    for i, which in enumerate(moving):
-        first = 12 + 6 * i
-        shift[which, :, first : first + 3] = spin[which, :, first + 3 : first + 6] = np.eye(3)
+    shift, spin = obstacle_motions(len(step.obstacles), moving)
     end_shift, end_turn = np.zeros((3, motions)), np.zeros((3, motions))  # along its own axes the latter
     end_shift[:, 0:3], end_shift[:, 3:6], end_shift[:, 6:9] = -np.eye(3), cross_matrix(re), turn
     end_turn[:, 3:6], end_turn[:, 9:12] = -turn.T, np.eye(3)
@@ -93,7 +89,7 @@ def wrench_response(
     np.add.at(B.T, at, right)
 
     if not band_factor(band.a, total, low, band.pivots):
-        return np.full((motions, motions), np.nan)
+        return np.full((motions, motions), np.nan), np.full((total, motions), np.nan)
     for b in B:
         band_solve(band.a, total, low, band.pivots, b)
     x = B.T
@@ -125,7 +121,21 @@ def wrench_response(
         out[first : first + 3, 3:6] -= cross_matrix(force)
         out[first + 3 : first + 6, 0:3] -= cross_matrix(force)
         out[first + 3 : first + 6, 3:6] -= cross_matrix(moment)
-    return out if np.isfinite(out).all() else np.full((motions, motions), np.nan)
+    return (out if np.isfinite(out).all() else np.full((motions, motions), np.nan)), x
+
+
+def obstacle_motions(count: int, moving: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Translations and rotations (count, 3, 12 + 6 k) of all obstacles in the motions of `wrench_response`.
+
+    Seen from the start clamp: where that moves, all else moves the other way.
+    """
+    motions = 12 + 6 * len(moving)
+    shift, spin = np.zeros((count, 3, motions)), np.zeros((count, 3, motions))
+    shift[:, :, 0:3] = spin[:, :, 3:6] = -np.eye(3)
+    for i, which in enumerate(moving):
+        first = 12 + 6 * i
+        shift[which, :, first : first + 3] = spin[which, :, first + 3 : first + 6] = np.eye(3)
+    return shift, spin
 
 
 def contact_tangents(

@@ -8,18 +8,20 @@ cells only. It carries a step that the other cannot, to an accuracy that the gri
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
-from cable_ros.contact.distance import FRICTION_COEFFICIENT, deepest, gap
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT, deepest, gap
 from cable_ros.contact.nodal_contacts import FEWEST, FIRST, Known
 from cable_ros.contact.nodal_kernels import tangent_frame
-from cable_ros.contact.nodal_newton import CONVERGED
+from cable_ros.contact.nodal_newton import CONVERGED, state_moved
+from cable_ros.contact.nodal_response import obstacle_motions
 from cable_ros.contact.nodal_solver import NodalSolver
 from cable_ros.contact.nodal_state import ORDER, State
 from cable_ros.contact.travel import FRICTION_LEAST, FRICTION_STEP, SHORTER, stride, travel
+from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.extensible import least_force
@@ -28,6 +30,8 @@ from cable_ros.rod.units import relative_change
 
 TWIN = 0.75
 """Number of points of the twin, which serves to estimate the error, over this rod's."""
+BESIDE = 1e-4
+"""Motion by which derivatives of what touches at a point alone are differences, cells and fractions."""
 STEP = 0.5 * FRICTION_STEP
 """Longest step, lengths."""
 FINER = 1.6
@@ -58,7 +62,8 @@ class NodalRod(NodalSolver):
         obstacles: (o, WIDTH) that it may touch.
         points: number of contact points, each in the middle of a cell; see `point_count`.
         coulomb: whether there is friction.
-        compliance: (3,) in units of the cable, 0, 0, 1 / EA.
+        compliance: (3,) 1 / GAx, 1 / GAy, 1 / EA in units of the cable.
+        at: arc lengths, L, at which one of them is, instead of in the middle of its cell.
     """
 
     few = 25
@@ -69,8 +74,11 @@ class NodalRod(NodalSolver):
     def __init__(
         self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
         points: int = FEWEST, coulomb: bool = True, compliance: np.ndarray = NOTHING,
+        at: Sequence[float] = (),
     ) -> None:  # fmt: skip
-        super().__init__(stiffness, natural, obstacles, points, coulomb, compliance)
+        super().__init__(stiffness, natural, obstacles, points, coulomb, compliance, at)
+        self.offset: float | None = None
+        """Distance, L, of lone contacts from where the cable touches; None: not known."""
         if self.compliance.any():
             self.least = least_force(self.compliance)
         self.twin: NodalRod | None = None
@@ -89,7 +97,7 @@ class NodalRod(NodalSolver):
         distance = travel(self.qe, self.re, self._under, qe, re, obstacles)
         if distance > STEP:
             return warm_step.TOO_FAR, 0, q, F
-        known, self.stride = self._known(), 2.0
+        known, self.stride, self.offset = self._known(), 2.0, None
         code, iterations = self._solve(qe, re, f, obstacles, 0.0)
         flown = None
         if code != CONVERGED and distance < RARE * STEP:
@@ -158,7 +166,8 @@ class NodalRod(NodalSolver):
         change = (mine - other) / (TWIN**-1.5 - 1.0)
         alone = (self.state.lam > 0.0).sum(axis=0) <= 2
         lone = float(self.state.lam[:, alone].max(initial=0.0))
-        lever = np.array([0.0, 0.0, 0.0, 0.25 * lone / self.cells, 0.0, 0.0])
+        away = 0.25 * lone / self.cells if self.offset is None else self.offset * lone
+        lever = np.array([0.0, 0.0, 0.0, away, 0.0, 0.0])
         error = float(relative_change(change, mine, self.least))
         beside = float(relative_change(lever, mine, self.least))
         before = FADING * self._estimate if np.isfinite(self._estimate) else 0.0
@@ -166,7 +175,7 @@ class NodalRod(NodalSolver):
         # error by lumping the force of a cell in its middle
         lumped = float(np.linalg.norm(self.state.F[-1])) / (12.0 * self.cells**2)
         # and at least this error by edges that cut into it between two points
-        tangents = quaternion.tangents(self.state.q[::ORDER])
+        tangents = self.directions()
         cut = SAG * deepest(self.state.r, tangents, self.h, self._under)
         # between two sliding points the true normal has no component along the cable, but theirs have one
         normals, _ = self._pressed()
@@ -235,6 +244,10 @@ class NodalRod(NodalSolver):
     def _shared(self, s: float) -> tuple[tuple[int, float], tuple[int, float]]:
         """The two boundaries beside arc length s that share a force there, and what each takes of it."""
         m = len(self.h)
+        if self.at:
+            low = int(np.clip(np.searchsorted(self.s0, s, "right") - 1, 1, m - 2))
+            share = float(np.clip((s - self.s0[low]) / self.h[low], 0.0, 1.0))
+            return (low, 1.0 - share), (low + 1, share)
         at = np.clip(s * self.cells + 0.5, 1.0, m - 1.0)
         low = min(int(at), m - 2)
         return (low, low + 1 - at), (low + 1, at - low)
@@ -246,7 +259,7 @@ class NodalRod(NodalSolver):
     def pair(self) -> None:
         """Make the twin, of fewer cells, whose end wrench shows the error of the grid."""
         twin = NodalRod(
-            self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb, self.compliance
+            self.K, self.natural, self._under, int(TWIN * self.cells), self.coulomb, self.compliance, self.at
         )
         twin.follows, twin.work = True, 0.0
         arc_lengths, _, _, forces, obstacles, _, _ = self.contacts()
@@ -271,6 +284,59 @@ class NodalRod(NodalSolver):
         new.twin_error = max(new.twin_error, self.twin_error)
         new._estimate = max(new._estimate, new.twin_error)
         return new
+
+    def moved(self, places: Sequence[float]) -> NodalRod | None:
+        """The same equilibrium with boundaries at these arc lengths, L, without a twin; None if it fails."""
+        new = NodalRod(
+            self.K, self.natural, self._under, self.cells, self.coulomb, self.compliance, sorted(places)
+        )
+        new.work = self.work
+        arc_lengths, _, _, forces, obstacles, _, _ = self.contacts()
+        taken = new.adopt(self, self.state.q, self.state.F[-1], arc_lengths, forces, obstacles, False)
+        return new if taken else None
+
+    def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
+        """As `NodalContacts.wrench_response`; what touches at a point alone goes along the cable.
+
+        It goes to where the gap still has no slope. How wrenches and slopes follow it are differences. With
+        friction it stays, as all contacts of a grid do.
+        """
+        out, x = self._response(moving)
+        if self.offset is None or self.state.tau.any() or not np.isfinite(x).all():
+            return out
+        touching, by = self.lone(), BESIDE / self.cells
+        by_motion = np.array([self._slopes_by(k, o, x, moving) for k, o, _ in touching])
+        changes, by_place = [], []
+        for k, _, _ in touching:
+            here, sides = float(self.s0[k]), []
+            for s in (here + by, here - by):
+                new = self.moved([s if abs(place - here) < by else place for place in self.at])
+                if new is None:
+                    return np.full_like(out, np.nan)
+                slopes = [new.rise(i, self._under[o]) for i, o, _ in touching]
+                sides.append(np.append(new.all_wrenches(moving), slopes))
+            changes.append((sides[0] - sides[1])[: len(out)] / (2.0 * by))
+            by_place.append((sides[0] - sides[1])[len(out) :] / (2.0 * by))
+        goes = -np.linalg.solve(np.array(by_place).T, by_motion)
+        return out + np.array(changes).T @ goes
+
+    def _slopes_by(self, k: int, o: int, x: np.ndarray, moving: Sequence[int]) -> np.ndarray:
+        """(12 + 6 k,) derivative of the gap's slope at a boundary by the motions that change the unknowns by
+        x (unknowns, 12 + 6 k).
+        """
+        shift, spin = obstacle_motions(len(self._under), moving)
+        centre, axes = self._under[o, CENTRE:AXES], self._under[o, AXES:DIMENSIONS].reshape(3, 3)
+        out = np.empty(x.shape[1])
+        for j in range(x.shape[1]):
+            sides = []
+            for part in (BESIDE, -BESIDE):
+                state_moved(self.state, np.ascontiguousarray(x[:, j]), part, self._rows, self._trial)
+                body, turn = self._under[o].copy(), part * cross_matrix(spin[o, :, j])
+                body[CENTRE:AXES] += part * shift[o, :, j] + turn @ centre
+                body[AXES:DIMENSIONS] += (turn @ axes).ravel()
+                sides.append(self.rise(k, body, self._trial))
+            out[j] = (sides[0] - sides[1]) / (2.0 * BESIDE)
+        return out
 
     def variant(
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
@@ -305,11 +371,11 @@ def restored_rod(
         stiffness, natural, compliance: as in `NodalRod`.
         scale: of forces, new unit over old.
     """
-    new = NodalRod(stiffness, natural, known.under, like.cells, like.coulomb, compliance)
+    new = NodalRod(stiffness, natural, known.under, like.cells, like.coulomb, compliance, like.at)
     new.state.take(known.state)
     for forces in (new.state.F, new.state.lam, new.state.tau):
         forces /= scale
-    new.frames, new._slips = known.frames.copy(), known.slips
+    new.frames, new._slips, new.offset = known.frames.copy(), known.slips, like.offset
     if known.step is not None:
         f, tau = known.step.f / scale, known.step.tau / scale
         new._step = known.step._replace(f=f, tau=tau, turned=new.frames)

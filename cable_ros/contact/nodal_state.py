@@ -57,7 +57,7 @@ class Model(NamedTuple):
     section: Section
     grid: Grid
     compliance: np.ndarray
-    """(3,) against shear, which is 0, and tension, L^2 / EI; all 0 for a cable that keeps its length."""
+    """(3,) against shear and tension, L^2 / EI; all 0 for a cable that neither shears nor stretches."""
 
 
 class Step(NamedTuple):

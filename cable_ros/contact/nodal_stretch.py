@@ -1,24 +1,47 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: what axial strain adds to `nodal_kernels.residuals` and their tangent.
+"""Compiled: what axial strain and shear add to `nodal_kernels.residuals` and their tangent.
 
-With the internal force F of an element, and c = 1 / EA, the positions obey
+With the internal force F of an element, its components b_a = F.d_a along the section's axes d_a, the last of
+which is the tangent t, and the compliance c, (1 / GAx, 1 / GAy, 1 / EA), the positions obey
 
-    r[k + 1] - r[k] - integral (1 + c F.t) t ds = 0
+    r[k + 1] - r[k] - integral t + sum_a c_a b_a d_a ds = 0
 
-and the moments get the gradient of the complementary energy, -1/2 integral c (F.t)^2 ds, by the frames. Units
-of the cable, start clamp's frame.
+and the moments get the gradient of the complementary energy, -1/2 integral sum_a c_a b_a^2 ds, by the frames.
+Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.stretched import gauss_tangent
-from cable_ros.rod.extensible_kernels import internal_forces, stretch_gradient, stretch_hessian
+from cable_ros.rod.extensible_kernels import axes, internal_forces, stretch_gradient, stretch_hessian
 from cable_ros.rod.rod_state import ENERGY, Stretch
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**LEAF)
+def strains(compliance):
+    """Whether a cable with the compliance (3,) of `Model` has any strain but bending and torsion."""
+    return compliance[2] > 0.0 or shears(compliance)
+
+
+@njit(**LEAF)
+def shears(compliance):
+    """Whether its sections tilt against the centreline."""
+    return compliance[0] > 0.0 or compliance[1] > 0.0
+
+
+@njit(**LEAF)
+def gauss_axes(q, first, N, qs, d):
+    """Section's axes as rows d (3, 3) at a Gauss point; the other arguments as in `gauss_tangent`."""
+    for a in range(4):
+        qs[a] = 0.0
+        for i in range(N.shape[0]):
+            qs[a] += N[i] * q[first + i, a]
+    axes(qs, d)
 
 
 @njit(**INNER)
@@ -41,13 +64,21 @@ def strain_positions(state, model, mismatch):
     """
     q, F, (h, _, tables) = state.q, state.F, model.grid
     N, weights = tables.values, tables.weights
-    qs, t = np.empty(4), np.empty(3)
+    shear = shears(model.compliance)
+    qs, t, d = np.empty(4), np.empty(3), np.empty((3, 3))
     for e in range(h.shape[0]):
         for k in range(N.shape[0]):
             gauss_tangent(q, e * (N.shape[1] - 1), N[k], qs, t)
             u = weights[k] * h[e] * model.compliance[2] * (F[e, 0] * t[0] + F[e, 1] * t[1] + F[e, 2] * t[2])
             for a in range(3):
                 mismatch[e, a] -= u * t[a]
+            if shear:
+                gauss_axes(q, e * (N.shape[1] - 1), N[k], qs, d)
+                for b in range(2):
+                    tilt = d[b, 0] * F[e, 0] + d[b, 1] * F[e, 1] + d[b, 2] * F[e, 2]
+                    tilt *= weights[k] * h[e] * model.compliance[b]
+                    for a in range(3):
+                        mismatch[e, a] -= tilt * d[b, a]
 
 
 @njit(**INNER)
@@ -73,7 +104,8 @@ def element_reach(q, grid, compliance, out):
     """
     h, _, tables = grid
     N, weights = tables.values, tables.weights
-    qs, t = np.empty(4), np.empty(3)
+    shear = shears(compliance)
+    qs, t, d = np.empty(4), np.empty(3), np.empty((3, 3))
     out[:] = 0.0
     for e in range(h.shape[0]):
         for k in range(N.shape[0]):
@@ -81,6 +113,12 @@ def element_reach(q, grid, compliance, out):
             for a in range(3):
                 for b in range(3):
                     out[e, a, b] += weights[k] * h[e] * compliance[2] * t[a] * t[b]
+            if shear:
+                gauss_axes(q, e * (N.shape[1] - 1), N[k], qs, d)
+                for i in range(2):
+                    for a in range(3):
+                        for b in range(3):
+                            out[e, a, b] += weights[k] * h[e] * compliance[i] * d[i, a] * d[i, b]
 
 
 @njit(**OPTIONS)

@@ -22,7 +22,7 @@ from cable_ros.contact.nodal_kernels import (
     slid,
     tangent_frame,
 )
-from cable_ros.contact.nodal_stretch import element_reach, strain_tangents
+from cable_ros.contact.nodal_stretch import element_reach, strain_tangents, strains
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import hessian
 
@@ -86,7 +86,7 @@ def jacobian(state, model, step, work, tangents, rows, a, b):
     nd = 3 * (order + 1)
     cell = 1.0 / (elements - 1)
     hessian(q, F, model.f, model.section, model.grid, work.evaluation.radial, tangents)
-    soft = model.compliance[2] > 0.0
+    soft = strains(model.compliance)
     reach = np.zeros((elements, 3, 3))
     if soft:
         strain_tangents(state, model, tangents)

@@ -112,13 +112,14 @@ CABLE = (
     ),
     Field(
         "axial_stiffness", "number", "EA in newtons", "Axial stiffness EA.", "299",
-        default=None, absent="inextensible", size=FORCE_STIFFNESS, extent="not with obstacles",
+        default=None, absent="inextensible", size=FORCE_STIFFNESS,
+        extent="not with friction_model sliding",
     ),
     Field(
         "shear_stiffness", vector(2), "[GAx, GAy] in newtons",
         "Shear stiffness along the section's x and y axes.", "[92, 92]",
         default=None, absent="sections stay across the centreline", size=FORCE_STIFFNESS,
-        extent="not with obstacles",
+        extent="not with friction_model sliding",
     ),
     Field(
         "limits", "mapping", "some of {bend_radius: m, tension: N, torsion: rad/m, clearance: m}",

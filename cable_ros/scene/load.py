@@ -163,25 +163,20 @@ def _check_strain_with_contact(
     top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], friction_model: str,
     effects: str | tuple[str, ...],
 ) -> None:  # fmt: skip
-    """A section that shears touches at no single point; friction by the end's motion knows no strain."""
+    """Friction by the end's motion knows no strain."""
 
     def both(*names: str) -> bool:
         return isinstance(effects, str) or set(names) <= set(effects)
 
     slides = friction_model == "sliding" and any(obstacle.friction for obstacle in obstacles)
     for i, cable in enumerate(cables):
-        if cable.shear_stiffness is not None and both("shear", "contact"):
-            top.fail(
-                "shear and contact cannot be combined yet; leave shear_stiffness or the obstacles out, "
-                "or let 'effects' list one of the two",
-                f"cables[{i}].shear_stiffness",
-            )
-        if cable.axial_stiffness is not None and slides and both("stretch", "contact", "friction"):
-            top.fail(
-                "stretch and friction_model sliding cannot be combined; choose coulomb, leave "
-                "axial_stiffness or the obstacles' friction out, or let 'effects' list one of the two",
-                f"cables[{i}].axial_stiffness",
-            )
+        for name, field in (("stretch", "axial_stiffness"), ("shear", "shear_stiffness")):
+            if getattr(cable, field) is not None and slides and both(name, "contact", "friction"):
+                top.fail(
+                    f"{name} and friction_model sliding cannot be combined; choose coulomb, leave "
+                    f"{field} or the obstacles' friction out, or let 'effects' list one of the two",
+                    f"cables[{i}].{field}",
+                )
 
 
 def _check_clamps_with_contact(top: Section, cables: list[Cable], effects: str | tuple[str, ...]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from nodal_scenes import STIFFNESS, rotation, shapes
 from references import plain_rod
+from scipy.spatial.transform import Rotation
 
 from cable_ros.contact.distance import gap
 from cable_ros.contact.nodal_kernels import OPEN, SLIP, STICK, TURNING, YIELD, residuals
@@ -44,7 +45,12 @@ def frame(body: np.ndarray, r: np.ndarray, reference: np.ndarray) -> tuple[float
 
 
 def sample(
-    seed: int, drag: float = 0.0, bodies: np.ndarray | None = None, coulomb: bool = True, soft: float = 0.0
+    seed: int,
+    drag: float = 0.0,
+    bodies: np.ndarray | None = None,
+    coulomb: bool = True,
+    soft: float = 0.0,
+    shears: float = 0.0,
 ) -> Sample:
     """A random one; its slipping friction is on the cone along the trial's direction."""
     rng = np.random.default_rng(seed)
@@ -52,7 +58,7 @@ def sample(
     if not coulomb:
         bodies[:, 17] = 0.0
     count = len(bodies)
-    rod = NodalRod(STIFFNESS, rng.normal(size=3), bodies, CELLS, True, np.array([0.0, 0.0, soft]))
+    rod = NodalRod(STIFFNESS, rng.normal(size=3), bodies, CELLS, True, np.array([shears, 0.7 * shears, soft]))
     m, state = len(rod.h), rod.state
     s = rod.mesh.nodes[:, None]
     turn = 2.0 * s * rng.normal(size=3) + np.sin(4.0 * s + rng.normal(size=3)) - np.sin(rng.normal(size=3))
@@ -123,24 +129,26 @@ def tangent(at: Sample) -> tuple[np.ndarray, np.ndarray]:
     return out, b[:total].copy()
 
 
-def tangents(at: Sample, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Tangents (m, g, 3) of the frames q at the Gauss points of all elements, and their weights (g,)."""
+def axes(at: Sample, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Section's axes (m, g, 3, 3), columns, of the frames q at the Gauss points of all elements, and their
+    weights (g,).
+    """
     element = at.rod.mesh.element
     places = at.rod.s0[:, None] + at.rod.h[:, None] * element.points
-    t = quaternion.tangents(at.rod.mesh.interpolate(q, places.ravel()))
-    return t.reshape(*places.shape, 3), element.tables.weights
+    frames = np.roll(at.rod.mesh.interpolate(q, places.ravel()), -1, axis=1)
+    return Rotation.from_quat(frames).as_matrix().reshape(*places.shape, 3, 3), element.tables.weights
 
 
 def pull(at: Sample) -> np.ndarray:
-    """(n, 3) derivative of -1/2 integral c (F.t)^2 ds by the nodes' rotations, by differences."""
+    """(n, 3) derivative of -1/2 integral sum c (F.d)^2 ds by the nodes' rotations, by differences."""
     rod, n = at.rod, len(at.rod.state.q)
 
     def energy(psi: np.ndarray) -> float:
         q = np.empty((n, 4))
         quaternion.retract(rod.state.q, psi, q)
-        t, w = tangents(at, q)
-        tension = np.einsum("ea,ega->eg", rod.state.F, t)
-        return -0.5 * float(rod.compliance[2] * (rod.h[:, None] * w * tension**2).sum())
+        d, w = axes(at, q)
+        forces = np.einsum("ea,egab->egb", rod.state.F, d)
+        return -0.5 * float((rod.h[:, None] * w * (forces**2 @ rod.compliance)).sum())
 
     units = 1e-3 * np.eye(3 * n)
     columns = [8 * (energy(u) - energy(-u)) - energy(2 * u) + energy(-2 * u) for u in units]
@@ -169,8 +177,8 @@ def plain(at: Sample) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
             F = np.zeros((m, 3))
             F[e, a] = 1.0
             ways[e, a] += plain_rod.integrals(state.q, F, zero, 0.0 * rod.K, zero, rod.mesh)[0].real
-        t, w = tangents(at, state.q)
-        ways[e] -= rod.compliance[2] * rod.h[e] * (w * (t[e] @ state.F[e])) @ t[e]
+        d, w = axes(at, state.q)
+        ways[e] -= rod.h[e] * np.einsum("g,gab,b,gcb,c->a", w, d[e], rod.compliance, d[e], state.F[e])
     for k in range(1, m):
         forces[k] = state.F[k - 1] - state.F[k] - step.f / CELLS
         forces[k] += step.drag / CELLS * (state.r[k] - step.r[k])
@@ -189,10 +197,10 @@ def plain(at: Sample) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return moments, ways, forces, contacts
 
 
-@pytest.mark.parametrize("soft", [0.0, 0.02])
+@pytest.mark.parametrize(("soft", "shears"), [(0.0, 0.0), (0.02, 0.0), (0.0, 0.03), (0.01, 0.03)])
 @pytest.mark.parametrize(("seed", "drag"), [(0, 0.0), (1, 0.0), (2, 100.0)])
-def test_residuals_are_their_plain_twins(seed: int, drag: float, soft: float) -> None:
-    at = sample(seed, drag, soft=soft)
+def test_residuals_are_their_plain_twins(seed: int, drag: float, soft: float, shears: float) -> None:
+    at = sample(seed, drag, soft=soft, shears=shears)
     tangent(at)
     vector(at, at.rod.state)
     work = at.rod._work
@@ -202,16 +210,27 @@ def test_residuals_are_their_plain_twins(seed: int, drag: float, soft: float) ->
     assert work.mismatch == pytest.approx(ways, abs=ROUNDING)
     assert work.balance == pytest.approx(forces, abs=1e3 * ROUNDING)
     assert work.contact == pytest.approx(contacts, abs=1e3 * ROUNDING)
-    inner, rounding = slice(1, -1), 1e3 * ROUNDING if soft == 0.0 else 1e-7  # differences
+    inner, rounding = slice(1, -1), 1e3 * ROUNDING if soft == shears == 0.0 else 1e-7  # differences
     assert work.evaluation.g[inner] == pytest.approx(moments[inner], abs=rounding)
     assert work.evaluation.g[[0, -1]] == pytest.approx(moments[[0, -1]], abs=rounding)
 
 
 @pytest.mark.parametrize("coulomb", [True, False])
 @pytest.mark.parametrize("drag", [0.0, 100.0])
-@pytest.mark.parametrize(("seed", "soft"), [(0, 0.0), (1, 0.0), (2, 0.0), (3, 0.0), (0, 0.02), (1, 0.005)])
-def test_the_tangent_is_the_derivative(seed: int, soft: float, drag: float, coulomb: bool) -> None:
-    at = sample(seed, drag, coulomb=coulomb, soft=soft)
+@pytest.mark.parametrize(
+    ("seed", "soft", "shears"),
+    [
+        *((seed, 0.0, 0.0) for seed in range(4)),
+        (0, 0.02, 0.0),
+        (1, 0.005, 0.0),
+        (2, 0.0, 0.03),
+        (3, 0.01, 0.02),
+    ],
+)
+def test_the_tangent_is_the_derivative(
+    seed: int, soft: float, shears: float, drag: float, coulomb: bool
+) -> None:
+    at = sample(seed, drag, coulomb=coulomb, soft=soft, shears=shears)
     state, rows = at.rod.state, at.rod._rows
     exact, b = tangent(at)
     total = len(b)

@@ -15,7 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
+from cable_ros.contact.stretching_rod import StretchingTouchingRod
+from cable_ros.rod import quaternion
+from cable_ros.rod.rod_state import ENERGY
 from cable_ros.scene.text import parse_yaml
+from cable_ros.solve.trust_region import Options
 
 ANGLE = np.radians(60.0)
 CLAMP = (
@@ -205,6 +209,32 @@ def test_a_copy_of_the_rod_is_the_rod() -> None:
     # derivatives come from a copy, of which the tracker knows nothing
     tracker.reset()
     np.testing.assert_array_equal(first.clamp_stiffness, tracker.solve({})["cable"].clamp_stiffness)
+
+
+@pytest.mark.parametrize("push", [0.02, 0.5])
+def test_a_fall_ends_where_the_cable_rests(push: float) -> None:
+    """From beside it by Newton's method, from farther by way of the cable that keeps its length."""
+    tracker = Tracker(load_scene(arm(0.1)), 1e-6)
+    tracker.solve({})
+    (tracked,) = tracker._tracked_cables
+    rod, q, F = tracked.rod, tracked.q, tracked.end_force
+    assert isinstance(rod, StretchingTouchingRod)
+    energy, count, places = float(rod.totals[ENERGY]), rod.count, np.linspace(0.0, 1.0, 11)
+    before = rod.mesh.interpolate(q, places)
+    bent = push * np.sin(np.pi * rod.mesh.nodes)[:, None] * [1.0, 0.0, 0.0]
+    begin = np.empty_like(q)
+    quaternion.retract(q, bent.ravel(), begin)
+    # what it falls from has another force, or none is known
+    found = rod.fall(begin, F if push < 0.1 else np.zeros(3), Options(step_tolerance=1e-9))
+    assert found is not None
+    rest, force, _ = found
+    assert rod.count == count == 1
+    assert not rod.forgot
+    np.testing.assert_allclose(force, F, atol=1e-6 * np.linalg.norm(F))
+    shape = rod.mesh.interpolate(rest, places)
+    np.testing.assert_allclose(np.abs(np.sum(shape * before, axis=1)), 1.0, atol=1e-10)
+    assert float(rod.totals[ENERGY]) == pytest.approx(energy, rel=1e-6)
+    assert rod.refactor(rest, force)  # and it is stable
 
 
 def test_natural_frequencies_are_not_told() -> None:

@@ -305,27 +305,20 @@ def test_snap_at_a_fold_is_told(stiffness: float) -> None:
 BALL = {"name": "ball", "sphere": {"center": [1, 0, 0], "radius": 0.1}}
 
 
-@pytest.mark.parametrize("effects", ["all", "auto", ["shear", "contact"]])
-def test_no_shear_with_contact_yet(effects: Any) -> None:
-    mapping = scene([0, 0, 0.7], shear_stiffness=[100.0, 100.0]) | {"effects": effects, "obstacles": [BALL]}
-    with pytest.raises(
-        SceneError, match=r"cables\[0\].shear_stiffness: shear and contact cannot be combined"
-    ):
-        load_scene(mapping)
-    load_scene({**mapping, "effects": ["shear"]})
-    load_scene({**mapping, "effects": ["contact"]})
-
-
-@pytest.mark.parametrize("effects", ["all", "auto", ["stretch", "contact", "friction"]])
-def test_no_stretch_with_mobilised_friction(effects: Any) -> None:
-    mapping = scene([0, 0, 0.7], axial_stiffness=100.0)
+@pytest.mark.parametrize(
+    ("name", "field", "value"),
+    [("stretch", "axial_stiffness", 100.0), ("shear", "shear_stiffness", [100.0, 100.0])],
+)
+@pytest.mark.parametrize("every", ["all", "auto", None])
+def test_no_strain_with_mobilised_friction(name: str, field: str, value: Any, every: str | None) -> None:
+    mapping = scene([0, 0, 0.7], **{field: value})
+    effects = [name, "contact", "friction"] if every is None else every
     mapping |= {"effects": effects, "obstacles": [BALL | {"friction": 0.1}], "friction_model": "sliding"}
     with pytest.raises(
-        SceneError,
-        match=r"cables\[0\].axial_stiffness: stretch and friction_model sliding cannot be combined",
+        SceneError, match=rf"cables\[0\].{field}: {name} and friction_model sliding cannot be combined"
     ):
         load_scene(mapping)
     load_scene({**mapping, "friction_model": "coulomb"})
     load_scene({**mapping, "effects": ["contact", "friction"]})
-    load_scene({**mapping, "effects": ["stretch", "contact"]})
-    load_scene({**mapping, "obstacles": [BALL]})
+    load_scene({**mapping, "effects": [name, "contact"]})
+    load_scene({**mapping, "effects": [name]})

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The discrete rod of `coulomb_rod`: residual, Jacobian, banded elimination and the semismooth Newton loop.
 
-Units of the cable (length 1, forces in EI / L^2). A segment stretches by its tension over EA. Segment j
+Units of the cable (length 1, forces in EI / L^2). The vector along a segment, h R e_z with its frame R,
+gives way to its force F by h R diag(1 / GAx, 1 / GAy, 1 / EA) R^T F: it shears and stretches. Segment j
 (0..n-1) has the frame q_j (quaternion, scalar first) and the force F_j (3,) that the part beyond exerts on
 the part before it; node i (0..n) has the position x_i (3,). The energy of a joint between two frames is h/2
 kappa.K.kappa with kappa = (2/h) vec(q_a* q_b); at the clamps the spacing is h/2. Unknowns in the order
@@ -96,11 +97,13 @@ def joint(a, b, K, spacing, ga, gb, J):
 def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
     """Residual (into rhs, negative) and its Jacobian (band storage ab). Returns the squared merit.
 
-    rod: K (3,), w (3,), clamps' frames q0, q1 (4,), drag, 1 / EA. contact: kinds (K,), shapes (K, 7), frames
-    (K, 3, 3), origins (K, 3), mu (K,), radius, r, eps. state: carried positions and old tractions
-    (K, n + 1, 3), positions for the drag (n + 1, 3). aic, aib: what gives the contact forces' increments.
+    rod: K (3,), w (3,), clamps' frames q0, q1 (4,), drag, 1 / GAx, 1 / GAy, 1 / EA (3,). contact: kinds (K,),
+    shapes (K, 7), frames (K, 3, 3), origins (K, 3), mu (K,), radius, r, eps. state: carried positions and old
+    tractions (K, n + 1, 3), positions for the drag (n + 1, 3). aic, aib: what gives the contact forces'
+    increments.
     """
-    K, w, q0, q1, drag, soft = rod
+    K, w, q0, q1, drag, give = rod
+    soft = give[2]
     kinds, shapes, frames, origins, mu, radius, r, eps = contact
     carried, old, before = state
     n = q.shape[0]
@@ -164,6 +167,8 @@ def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
                     ab[row, 3 + BAND] += scale
                 if j > 0:
                     ab[row, -6 + BAND] -= scale
+        if give[0] > 0.0 or give[1] > 0.0:
+            tilt(h, scale, give, R, fb, base, ab, rhs, jacobian)
     for i in range(1, n):
         base = 9 * (i - 1) + 6
         for a in range(3):
@@ -194,6 +199,36 @@ def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
     if not jacobian:
         merit += np.sum(rhs**2)
     return merit
+
+
+@njit(cache=True)
+def skew(v):
+    """The matrix of v x."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+@njit(cache=True)
+def tilt(h, scale, give, R, fb, base, ab, rhs, jacobian):
+    """Add the shear of a segment with the frame R and the force fb along its axes: u = C fb, C by GA alone.
+
+    Its moment is h u x fb and its chord longer by h R u. A turn R psi x changes fb by fb x psi.
+    """
+    C = np.diag(np.array([give[0], give[1], 0.0]))
+    u = C @ fb
+    rhs[base : base + 3] += h * (skew(u) @ fb)
+    rhs[base + 3 : base + 6] += scale * h * (R @ u)
+    if not jacobian:
+        return
+    by_fb = h * (skew(fb) @ C - skew(u))  # of - h u x fb
+    by_turn, by_force = by_fb @ skew(fb), by_fb @ R.T
+    chord_turn = scale * h * R @ (skew(u) - C @ skew(fb))  # of - scale h R u
+    chord_force = -scale * h * R @ C @ R.T
+    for i in range(3):
+        for k in range(3):
+            ab[base + i, k - i + BAND] += by_turn[i, k]
+            ab[base + i, 3 + k - i + BAND] += by_force[i, k]
+            ab[base + 3 + i, k - i - 3 + BAND] += chord_turn[i, k]
+            ab[base + 3 + i, k - i + BAND] += chord_force[i, k]
 
 
 @njit(cache=True)

@@ -2,12 +2,12 @@
 """A rod led along a path with unilateral contact and Coulomb friction: a fine discrete rod, step by step.
 
 Independent of the solver: chords of equal length, or stretched by their tension, with section frames
-(Lagrange multipliers keep them unsheared), contact at the nodes, friction by the increments of the nodes
-over the obstacle (Alart and Curnier 1991, semismooth Newton) and a path cut into small steps. Contact and
-stick have the compliance `GIVE`, which falls with the third power of the segments' length and makes the
-traction of what sticks a matter of its history. Friction acts at the centreline; the nodes at the clamps
-touch nothing. Without contact the error is of second order in the segments; with contact, two resolutions
-estimate it.
+(Lagrange multipliers keep them unsheared, or shear them by their force), contact at the nodes, friction by
+the increments of the nodes over the obstacle (Alart and Curnier 1991, semismooth Newton) and a path cut into
+small steps. Contact and stick have the compliance `GIVE`, which falls with the third power of the segments'
+length and makes the traction of what sticks a matter of its history. Friction acts at the centreline; the
+nodes at the clamps touch nothing. Without contact the error is of second order in the segments; with contact,
+two resolutions estimate it.
 """
 
 from __future__ import annotations
@@ -79,6 +79,8 @@ class Path:
     """(3,) extra load, N/m, while the first equilibrium is sought: selects the side to which it buckles."""
     axial: float = np.inf
     """EA, N."""
+    shear: tuple[float, float] = (np.inf, np.inf)
+    """GAx, GAy, N."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,7 @@ class _Walk:
             _first(self.start),
             _first(end),
             drag,
-            self.force / self.path.axial,
+            self.force / np.array([*self.path.shear, self.path.axial]),
         )
         touch = (
             self.kinds,
