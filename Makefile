@@ -28,7 +28,7 @@ FAST_TESTS := test/linalg test/solve test/scene test/rod test/effects test/conta
 # Tests in this many processes side by side; pytest -n 0, or no -n, is one. test/conftest.py groups them.
 WORKERS := 2
 # A test that hangs where no signal reaches it, in compiled code or the middleware, ends its process and is told.
-PYTEST := $(BIN)/python -m pytest -n $(WORKERS) -o faulthandler_exit_on_timeout=true
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --durations 25 -o faulthandler_exit_on_timeout=true
 COMPILE := $(BIN)/python -m cable_ros.cli.main compile
 
 # Ubuntu 24.04's packages; but matplotlib, 3.6.3 there, has no wheel for Python 3.12 before 3.8, and Numba is the
