@@ -187,14 +187,12 @@ FOUND = {
     (100, 55): "a heavy cable slips through over two smooth beams",
     (100, 57): "a lifted hose led about: its grid becomes finer in time",
     (100, 74): "a rough beam that a cable slides over comes back",
-    (101, 6): "a hose of 201 poses: the direction of slip settles late",
     (102, 11): "heavy rough beams, both edges of each",
     (103, 18): "a light cable turned on a smooth table, which it all but touches beside the edge",
     (104, 44): "a loop over a bar snaps as the ground lets it go",
     (105, 36): "a light cable between two rollers all but leaves one",
     (106, 19): "a stiff loop over a thin beam, which soft springs let through",
     (106, 71): "a heavy cable over two thin beams, which soft springs let through",
-    (107, 78): "a hose turned and back: the direction of slip settles late",
     (107, 107): "a loop against a rough wall that is pushed on and taken back",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""

@@ -239,8 +239,8 @@ class ActiveSetRod(FixedSetRod):
         if code == warm_step.ADVANCED and self.model == COULOMB:
             self.stride = stride(self._friction_change(q_new, F_new, obstacles))
             distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
-            farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
-            leaps = distance > 0.0 and quaternion.largest_rotation(q, q_new) > farthest
+            most = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
+            leaps = distance > 0.0 and self._turns_more_than(most, q, q_new)
             if leaps or (self.stride < SHORTER and distance > FRICTION_LEAST):
                 code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
@@ -280,6 +280,13 @@ class ActiveSetRod(FixedSetRod):
             return code, iterations, q_new, F_new
         self.settled = q_new
         return code, iterations, q_new, F_new
+
+    def _turns_more_than(self, most: float, q: np.ndarray, q_new: np.ndarray) -> bool:
+        """Whether a section turns by more than that, rad, from q to q_new, (n, 4), whose nodes have moved."""
+        if quaternion.largest_rotation(q, q_new) <= most:
+            return False
+        before = self.mesh.interpolate(q, Mesh(self.mesh.element, self.h.copy()).nodes)
+        return quaternion.largest_rotation(before, q_new) > most
 
     def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray) -> float:
         """Relative change across the cable, in a step to q, of the friction of what slips; see `travel`."""

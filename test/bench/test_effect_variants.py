@@ -85,11 +85,11 @@ def test_every_effect_is_felt(by_name):
         assert difference > 1e-3, name  # ten times the tolerance of each
 
 
-def test_a_scene_with_obstacles_gets_no_ball_and_no_stretch():
+def test_a_scene_with_obstacles_gets_no_ball():
     sphere = load_scene(share_file("config", "space_arm_sphere.yaml"))
     assert not plain(sphere)
     names = [name for name, _ in variants(sphere, MIDDLE)]
-    assert names == ["no weight", "as it is", "natural curvature", "temperature, dose"]
+    assert names == ["no weight", "as it is", "natural curvature", "temperature, dose", "stretch, shear"]
 
 
 def test_a_change_that_no_scene_may_have_is_a_scene_error(scene):
