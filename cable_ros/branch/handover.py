@@ -174,8 +174,9 @@ def centred(rod: NodalRod) -> NodalRod | None:
     """
     assert rod.obstacles is not None
     last: dict[int, tuple[float, float]] = {}
-    places = {o: s for _, o, s in rod.lone()}
-    if not places or len(places) != len(rod.lone()):
+    lone = rod.lone()
+    places = {o: s for _, o, s in lone}
+    if not places or len(places) != len(lone):
         return None
     now = rod
     for _ in range(CENTRINGS):

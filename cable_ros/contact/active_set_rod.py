@@ -236,15 +236,16 @@ class ActiveSetRod(FixedSetRod):
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = warm_step.NOT_CONTRACTING, 0, False, np.inf
         self.spend(iterations)
+        rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
             self.stride = stride(self._friction_change(q_new, F_new, obstacles))
             distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
             most = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
-            leaps = distance > 0.0 and self._turns_more_than(most, q, q_new)
+            leaps = distance > 0.0 and rotated > most and self._rotated(q, q_new) > most
             if leaps or (self.stride < SHORTER and distance > FRICTION_LEAST):
                 code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
-        rotation = self.rotation + quaternion.largest_rotation(q, q_new) if self.ready else np.inf
+        rotation = self.rotation + rotated if self.ready else np.inf
         if self.model == COULOMB and turned == 0.0 and same and rotation < self.refactor_at:
             # what slips has new factors in most steps: stability need not be judged as often
             turned, self.judged = rotation, False
@@ -281,12 +282,10 @@ class ActiveSetRod(FixedSetRod):
         self.settled = q_new
         return code, iterations, q_new, F_new
 
-    def _turns_more_than(self, most: float, q: np.ndarray, q_new: np.ndarray) -> bool:
-        """Whether a section turns by more than that, rad, from q to q_new, (n, 4), whose nodes have moved."""
-        if quaternion.largest_rotation(q, q_new) <= most:
-            return False
+    def _rotated(self, q: np.ndarray, q_new: np.ndarray) -> float:
+        """Largest rotation of a section, rad, from q to q_new, (n, 4), whose nodes have moved along."""
         before = self.mesh.interpolate(q, Mesh(self.mesh.element, self.h.copy()).nodes)
-        return quaternion.largest_rotation(before, q_new) > most
+        return quaternion.largest_rotation(before, q_new)
 
     def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray) -> float:
         """Relative change across the cable, in a step to q, of the friction of what slips; see `travel`."""
