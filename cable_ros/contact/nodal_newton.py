@@ -105,10 +105,11 @@ def newton(state, model, first, step, work, tangents, rows, band, trial, toleran
     """
     q, r, F, lam, tau = state
     a, b, pivots = band
+    keeps = first.normal < step.normal
     for iteration in range(MOST):
         now = first if iteration == 0 else step
         residuals(state, model, now, work)
-        if iteration == 0 and first.normal < step.normal:
+        if keeps and iteration == 0:
             # what touched moves along with its obstacle; what else touches shows then
             work.near[:] = lam != 0.0
         total, low = jacobian(state, model, now, work, tangents, rows, a, b)
@@ -132,7 +133,7 @@ def newton(state, model, first, step, work, tangents, rows, band, trial, toleran
         part = 1.0 if turned <= LARGEST else LARGEST / turned
         move(state, b, part, rows, trial)
         q[:], r[:], F[:], lam[:], tau[:] = trial[0], trial[1], trial[2], trial[3], trial[4]
-        if size < tolerance and (iteration > 0 or first.normal == step.normal):
+        if size < tolerance and not (keeps and iteration == 0):
             residuals(state, model, step, work)
             return CONVERGED, iteration + 1
         if iteration + 1 >= ITERATIONS and (size > CLOSE or step.drag > 0.0):

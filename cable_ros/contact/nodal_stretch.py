@@ -34,16 +34,6 @@ def shears(compliance):
     return compliance[0] > 0.0 or compliance[1] > 0.0
 
 
-@njit(**LEAF)
-def gauss_axes(q, first, N, qs, d):
-    """Section's axes as rows d (3, 3) at a Gauss point; the other arguments as in `gauss_tangent`."""
-    for a in range(4):
-        qs[a] = 0.0
-        for i in range(N.shape[0]):
-            qs[a] += N[i] * q[first + i, a]
-    axes(qs, d)
-
-
 @njit(**INNER)
 def strain_moments(state, model, acc):
     """Add the strain's part to acc (n, 4), the gradient by the nodal quaternions; returns its energy, EI / L.
@@ -73,7 +63,7 @@ def strain_positions(state, model, mismatch):
             for a in range(3):
                 mismatch[e, a] -= u * t[a]
             if shear:
-                gauss_axes(q, e * (N.shape[1] - 1), N[k], qs, d)
+                axes(qs, d)
                 for b in range(2):
                     tilt = d[b, 0] * F[e, 0] + d[b, 1] * F[e, 1] + d[b, 2] * F[e, 2]
                     tilt *= weights[k] * h[e] * model.compliance[b]
@@ -114,7 +104,7 @@ def element_reach(q, grid, compliance, out):
                 for b in range(3):
                     out[e, a, b] += weights[k] * h[e] * compliance[2] * t[a] * t[b]
             if shear:
-                gauss_axes(q, e * (N.shape[1] - 1), N[k], qs, d)
+                axes(qs, d)
                 for i in range(2):
                     for a in range(3):
                         for b in range(3):
