@@ -5,17 +5,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.contact.gap_search import passed
-from cable_ros.contact.stretching_rod import StretchingTouchingRod
+from cable_ros.contact.stretching_rod import StrainingTouchingRod, StretchingTouchingRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
-from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.resultants import centreline
 from cable_ros.solve.trust_region import Options
 
 
-class ShearingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
+class ShearingTouchingRod(StrainingTouchingRod):
     """A `StretchingRod` that stops where it would touch; a `NodalRod` carries it on from there.
 
     A point force P gives the centreline of a section that shears a kink P / GA, away from the obstacle: it
@@ -29,13 +27,6 @@ class ShearingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
 
     replaceable = True
     """Always: it has no contact of its own."""
-
-    def __init__(
-        self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None, compliance: np.ndarray,
-        tolerance: float = 1e-4, density: int = 1,
-    ) -> None:  # fmt: skip
-        self.pull = np.zeros(3)  # the end force of the last traced shape
-        super().__init__(mesh, stiffness, natural, tolerance, density, compliance=compliance)
 
     def _like(
         self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray, tolerance: float, scale: float
@@ -52,14 +43,6 @@ class ShearingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
             q, self.pull, self.f, self.compliance, self.h, self.s0, N, tables.points, tables.primitives,
             self.c,
         )  # fmt: skip
-
-    def _passage(
-        self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray
-    ) -> tuple[float, bool]:
-        self.trace(q, F)
-        before = self.c.copy()
-        self.trace(q_new, F_new)
-        return passed(before, (self.c, self.h, self.s0), self.samples, self.obstacles, obstacles, self.phi)
 
     def step_in_contact(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,

@@ -32,7 +32,26 @@ SHORTEST = 1e-3
 """Minimum step of a continuation, fraction of the path."""
 
 
-class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
+class StrainingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
+    """A `TouchingRod` whose centreline depends on its end force, too; arguments as in `TouchingRod`."""
+
+    def __init__(
+        self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray | None, compliance: np.ndarray,
+        tolerance: float = 1e-4, density: int = 1,
+    ) -> None:  # fmt: skip
+        self.pull = np.zeros(3)  # the end force of the last traced shape
+        super().__init__(mesh, stiffness, natural, tolerance, density, compliance=compliance)
+
+    def _passage(
+        self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray
+    ) -> tuple[float, bool]:
+        self.trace(q, F)
+        before = self.c.copy()
+        self.trace(q_new, F_new)
+        return passed(before, (self.c, self.h, self.s0), self.samples, self.obstacles, obstacles, self.phi)
+
+
+class StretchingTouchingRod(StrainingTouchingRod):
     """A `TouchingRod` with compliance against tension.
 
     None against shear: a section that shears has a kink under a point force, so it touches a smooth obstacle
@@ -51,8 +70,7 @@ class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
         tolerance: float = 1e-4, density: int = 1,
     ) -> None:  # fmt: skip
         assert not compliance[:2].any()
-        self.pull = np.zeros(3)  # the end force of the last traced shape
-        super().__init__(mesh, stiffness, natural, tolerance, density, compliance=compliance)
+        super().__init__(mesh, stiffness, natural, compliance, tolerance, density)
 
     def _allocate(self, mesh: Mesh) -> None:
         super()._allocate(mesh)
@@ -133,14 +151,6 @@ class StretchingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
         entry_points.strain_gradient(q, internal, self.f, grid, self.stretching, self.acc)
         boundaries -= moved
         return self.re - moved[-1]
-
-    def _passage(
-        self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray
-    ) -> tuple[float, bool]:
-        self.trace(q, F)
-        before = self.c.copy()
-        self.trace(q_new, F_new)
-        return passed(before, (self.c, self.h, self.s0), self.samples, self.obstacles, obstacles, self.phi)
 
     def _instead(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, limit: float,
