@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from arm_over_ball import BALL, CLAMP, START, check_response, error, moved, numbers, over_ball
 from nodal_scenes import AHEAD, go, obstacle, raised
 from references import sheared_contact
 from references.coulomb_rod import lead
@@ -22,36 +23,13 @@ from cable_ros.contact.distance import CYLINDER
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.rod.rod_state import ENERGY
 
-ANGLE = np.radians(60.0)
-CLAMP = (
-    np.array([0.160 - 0.145 * np.sin(ANGLE) + 0.080 * np.cos(ANGLE),
-              0.080 * np.sin(ANGLE) + 0.145 * np.cos(ANGLE), 0.075]),
-    Rotation.from_rotvec([0.0, 0.0, ANGLE]),
-)  # fmt: skip
-START = (np.zeros(3), Rotation.from_quat([0.5**0.5, 0.0, 0.0, 0.5**0.5]))
-BALL = np.array([0.092, 0.010, -0.095])
 SOFT = 4.0
 """GA, N: on the arm, whose end force is 0.2 N, sections tilt by 1 to 3 degrees."""
 
 
-def arm(
-    shear: float | None, *, start: Any = START, end: Any = CLAMP, ball: Any = BALL,
-    gravity: Any = (0.0, 0.0, -9.80665), friction: float = 0.0, twist: float = -2.7,
-) -> dict[str, Any]:  # fmt: skip
-    """The arm's cable over the ball, as in space_arm_sphere.yaml at 60 degrees, with GA = shear, N."""
-    mounts = {
-        name: {"position": [float(x) for x in p], "orientation": r.as_quat().tolist()}
-        for name, (p, r) in {"start": start, "end": end}.items()
-    }
-    cable = {
-        "name": "cable", "length": 0.38, "stiffness": [1.063e-3, 1.063e-3, 7.235e-4],
-        "linear_density": 0.1019716, "total_twist": twist, **mounts,
-    } | ({} if shear is None else {"shear_stiffness": [shear, shear]})  # fmt: skip
-    sphere = {"center": [float(x) for x in ball], "radius": 0.045}
-    return {
-        "gravity": [float(x) for x in gravity], "cable_radius": "ignore", "cables": [cable], "effects": "all",
-        "obstacles": [{"name": "ball", "sphere": sphere, "friction": friction}],
-    }  # fmt: skip
+def arm(shear: float | None, **changes: Any) -> dict[str, Any]:
+    """The arm's cable over the ball with GA = shear, N."""
+    return over_ball({} if shear is None else {"shear_stiffness": [shear, shear]}, **changes)
 
 
 def solve(mapping: dict[str, Any], tolerance: float = 1e-4) -> Equilibrium:
@@ -59,10 +37,6 @@ def solve(mapping: dict[str, Any], tolerance: float = 1e-4) -> Equilibrium:
     assert found.status is Status.CONVERGED, found.message
     assert found.contacts
     return found
-
-
-def error(found: np.ndarray, exact: np.ndarray) -> float:
-    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
 
 
 @pytest.mark.parametrize("shear", [5.0, 50.0, 500.0])
@@ -124,38 +98,16 @@ def test_the_limit_without_shear_is_met_in_proportion() -> None:
     assert coarse.contacts[0].arc_length == pytest.approx(exact.contacts[0].arc_length, abs=1e-5)
 
 
-def moved(body: str, motion: np.ndarray) -> dict[str, Any]:
-    """The scene after a translation (3,) and a rotation (3,) along a clamp's own axes, for the ball the
-    world's.
-    """
-    if body == "ball":
-        return arm(SOFT, ball=BALL + motion[:3])
-    position, frame = {"start": START, "end": CLAMP}[body]
-    there = position + frame.apply(motion[:3]), frame * Rotation.from_rotvec(motion[3:])
-    return arm(SOFT, **{body: there})
-
-
 @pytest.mark.parametrize("body", ["start", "end", "ball"])
 def test_stiffness_and_virtual_work(body: str) -> None:
     found, step = solve(arm(SOFT)), 1e-4
     response = found.wrench_response(["ball"])
-    at = {"start": 0, "end": 6, "ball": 12}[body]
     for k in (0, 2) if body == "ball" else (1, 2, 3, 5):
         motion = np.zeros(6)
         motion[k] = step * (1.0 if k < 3 else 10.0)
-        sides = [solve(moved(body, part * motion)) for part in (1.0, -1.0)]
-        more, less = (np.concatenate([one.start_wrench, one.end_wrench, [one.energy]]) for one in sides)
+        more, less = (numbers(solve(arm(SOFT, **moved(body, part * motion)))) for part in (1.0, -1.0))
         numeric = (more - less) / (2.0 * motion[k])
-        column = response[:12, at + k]
-        for rows in (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)):
-            size = np.abs(response[rows, :12]).max(axis=0)[at % 12 + k]
-            np.testing.assert_allclose(column[rows], numeric[rows], atol=2e-3 * max(size, 1e-3))
-        if body != "ball":
-            wrench = getattr(found, f"{body}_wrench")
-            assert wrench[k] == pytest.approx(-numeric[12], abs=3e-3 * np.abs(wrench[:3]).max())
-        else:
-            (touch,) = found.contacts
-            assert touch.force[k] == pytest.approx(numeric[12], abs=3e-3 * touch.normal_force)
+        check_response(found, response, body, k, numeric, stiffness=2e-3, work=3e-3, push=3e-3)
 
 
 def test_a_hose_that_shears_against_a_discrete_rod() -> None:

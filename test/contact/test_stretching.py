@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from arm_over_ball import BALL, CLAMP, START, check_response, error, moved, numbers, over_ball
 from pages import blocks
 from references import stretched_contact
 from references.reference import Reference
@@ -21,34 +22,10 @@ from cable_ros.rod.rod_state import ENERGY
 from cable_ros.scene.text import parse_yaml
 from cable_ros.solve.trust_region import Options
 
-ANGLE = np.radians(60.0)
-CLAMP = (
-    np.array([0.160 - 0.145 * np.sin(ANGLE) + 0.080 * np.cos(ANGLE),
-              0.080 * np.sin(ANGLE) + 0.145 * np.cos(ANGLE), 0.075]),
-    Rotation.from_rotvec([0.0, 0.0, ANGLE]),
-)  # fmt: skip
-START = (np.zeros(3), Rotation.from_quat([0.5**0.5, 0.0, 0.0, 0.5**0.5]))
-BALL = np.array([0.092, 0.010, -0.095])
 
-
-def arm(
-    soft: float | None, *, start: Any = START, end: Any = CLAMP, ball: Any = BALL,
-    gravity: Any = (0.0, 0.0, -9.80665),
-) -> dict[str, Any]:  # fmt: skip
-    """The arm's cable over the ball, as in space_arm_sphere.yaml at 60 degrees, with EA = 1 / soft, N."""
-    mounts = {
-        name: {"position": [float(x) for x in p], "orientation": r.as_quat().tolist()}
-        for name, (p, r) in {"start": start, "end": end}.items()
-    }
-    cable = {
-        "name": "cable", "length": 0.38, "stiffness": [1.063e-3, 1.063e-3, 7.235e-4],
-        "linear_density": 0.1019716, "total_twist": -2.7, **mounts,
-    } | ({} if soft is None else {"axial_stiffness": 1.0 / soft})  # fmt: skip
-    sphere = {"center": [float(x) for x in ball], "radius": 0.045}
-    return {
-        "gravity": [float(x) for x in gravity], "cable_radius": "ignore", "cables": [cable], "effects": "all",
-        "obstacles": [{"name": "ball", "sphere": sphere}],
-    }  # fmt: skip
+def arm(soft: float | None, **changes: Any) -> dict[str, Any]:
+    """The arm's cable over the ball with EA = 1 / soft, N."""
+    return over_ball({} if soft is None else {"axial_stiffness": 1.0 / soft}, **changes)
 
 
 def solve(mapping: dict[str, Any], tolerance: float = 1e-9) -> Equilibrium:
@@ -56,10 +33,6 @@ def solve(mapping: dict[str, Any], tolerance: float = 1e-9) -> Equilibrium:
     assert found.status is Status.CONVERGED, found.message
     assert found.contacts
     return found
-
-
-def error(found: np.ndarray, exact: np.ndarray) -> float:
-    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
 
 
 # A cold start beside home finds the cable on this side of the drum; from farther the branch may be lost.
@@ -107,44 +80,22 @@ def test_the_inextensible_limit_is_met_in_proportion() -> None:
     np.testing.assert_allclose(np.array(gaps[:-1]) / gaps[1:], 10.0, rtol=0.05)  # and a term of second order
 
 
-def moved(body: str, motion: np.ndarray) -> dict[str, Any]:
-    """The scene after a translation (3,) and a rotation (3,) along a clamp's own axes, for the ball the
-    world's.
-    """
-    if body == "ball":
-        return arm(0.1, ball=BALL + motion[:3])
-    position, frame = {"start": START, "end": CLAMP}[body]
-    there = position + frame.apply(motion[:3]), frame * Rotation.from_rotvec(motion[3:])
-    return arm(0.1, **{body: there})
-
-
 @pytest.mark.parametrize("body", ["start", "end", "ball"])
 def test_stiffness_and_virtual_work(body: str) -> None:
     # the strain is 2 % here, and the ball bears a third of the cable
     found, step = solve(arm(0.1)), 2e-5
     response = found.wrench_response(["ball"])
-    at = {"start": 0, "end": 6, "ball": 12}[body]
     for k in range(3 if body == "ball" else 6):
         motion = np.zeros(6)
         motion[k] = step * (1.0 if k < 3 else 10.0)
 
-        def numbers(by: float, motion: np.ndarray = motion) -> np.ndarray:
-            one = solve(moved(body, by * motion), 1e-10)
-            return np.concatenate([one.start_wrench, one.end_wrench, [one.energy]])
+        def at(by: float, motion: np.ndarray = motion) -> np.ndarray:
+            return numbers(solve(arm(0.1, **moved(body, by * motion)), 1e-10))
 
         # central difference of fourth order
-        numeric = (8 * (numbers(1) - numbers(-1)) - (numbers(2) - numbers(-2))) / (12 * motion[k])
-        column = response[:12, at + k]
-        # forces and moments have their own sizes; 1e-10 of the wrench over the step
-        for rows in (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)):
-            size = np.abs(response[rows, :12]).max(axis=0)[at % 12 + k]
-            np.testing.assert_allclose(column[rows], numeric[rows], atol=2e-5 * max(size, 1e-3))
-        if body != "ball":
-            wrench = getattr(found, f"{body}_wrench")
-            assert wrench[k] == pytest.approx(-numeric[12], abs=1e-5 * np.abs(wrench[:3]).max())
-        else:
-            (touch,) = found.contacts
-            assert touch.force[k] == pytest.approx(numeric[12], abs=1e-4 * touch.normal_force)
+        numeric = (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * motion[k])
+        # 1e-10 of the wrench over the step
+        check_response(found, response, body, k, numeric, stiffness=2e-5, work=1e-5, push=1e-4)
 
 
 def test_all_moved_together_only_turns_the_wrenches() -> None:
