@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from references import planar
 from zoo_make import led
 
 from cable_ros import Equilibrium, Status, Tracker
-from cable_ros.bench.cases import case_scene
-from cable_ros.bench.drawn import drawn_case
+from cable_ros.bench.cases import Case, case_scene
+from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.bench.metamorphic import at_rate, corners
 from cable_ros.branch import snap_through
 from cable_ros.rod.kirchhoff import Rod
@@ -108,22 +109,32 @@ def test_nothing_unstable_is_published() -> None:
     assert abs(found[-1].end_wrench[1]) > 0.01 * np.abs(found[-1].end_wrench[:3]).max()
 
 
-def test_a_contact_that_lets_go_is_a_fold_in_any_number_of_steps() -> None:
-    # the cable is stable as long as the ground presses on it, and its margin is far from 0 until then
-    case = drawn_case(104, 44, 1e-4)
-    start, end = case.path[10], case.path[11]
-    ends = []
-    for count in (1, 4, 16):
+def snapped_once(case: Case, last: int, at: float, counts: Sequence[int]) -> list[Equilibrium]:
+    """The cable at pose `last`, told in so many steps from the one before, snaps at this fraction of the way.
+
+    Just before, its margin is far from 0. Returns the last equilibrium of each telling.
+    """
+    out = []
+    for count in counts:
         tracker = Tracker(case_scene(case), tolerance=case.tolerance)
-        found = [tracker.arrive(dict(pose))["cable"] for pose in case.path[:11]][-1:]
-        for k in range(1, count + 1):
-            part = k / count
-            pose = {name: (1.0 - part) * start[name] + part * end[name] for name in start}
-            found.append(tracker.arrive(pose)["cable"])
-        (at,) = [i for i, one in enumerate(found) if one.status is Status.SNAPPED]
-        assert all(one.status is Status.CONVERGED for i, one in enumerate(found) if i != at)
-        assert found[at - 1].stability_margin > 0.1
-        assert at / count == pytest.approx(0.65, abs=0.5 / count + 0.05)
-        ends.append(found[-1].end_wrench)
-    for one in ends[1:]:
-        assert one == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+        told = (*case.path[:last], *refined(case.path[last - 1 : last + 1], count)[1:])
+        found = [tracker.arrive(dict(pose))["cable"] for pose in told]
+        (snapped,) = [i for i, one in enumerate(found) if one.status is Status.SNAPPED]
+        assert all(one.status is Status.CONVERGED for i, one in enumerate(found) if i != snapped)
+        assert found[snapped - 1].stability_margin > 0.08
+        assert (snapped - last + 0.5) / count == pytest.approx(at, abs=0.5 / count + 0.05)
+        out.append(found[-1])
+    for one in out[1:]:
+        assert one.end_wrench == pytest.approx(out[0].end_wrench, abs=1e-3 * np.abs(out[0].end_wrench).max())
+    return out
+
+
+def test_a_contact_that_lets_go_is_a_fold_in_any_number_of_steps() -> None:
+    # the cable is stable as long as the ground presses on it
+    snapped_once(drawn_case(104, 44, 1e-4), 11, 0.65, (1, 4, 16))
+
+
+def test_an_edge_that_does_not_hold_the_cable_is_a_fold_in_any_number_of_steps() -> None:
+    """A loop rides on a smooth beam, 80 mm wide, until that has moved by 40 of 100 mm: it falls off aside."""
+    for one in snapped_once(drawn_case(108, 20, 1e-4), 1, 0.4, (1, 4, 16)):
+        assert abs(one.end_wrench[1]) > 1.0  # N; 0 in the plane in which it was

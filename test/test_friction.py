@@ -247,6 +247,24 @@ def test_a_small_step_does_not_leave_the_branch() -> None:
     assert error(told.end_wrench, once.end_wrench) < 0.01
 
 
+def test_a_contact_that_comes_to_a_clamp_leaves_its_force_to_it() -> None:
+    """With a shorter and shorter arm the force beside the clamp would go to infinity."""
+    case = drawn_case(108, 23, 1e-4)  # a lift led aside and back, whose clamps rest on the ground
+    scene = case_scene(case)
+    tracker = Tracker(scene)
+    found = [tracker.arrive(pose)["cable"] for pose in refined(case.path[:41], 4)]
+    assert {one.status for one in found} == {Status.CONVERGED}
+    cable = scene.cables[0]
+    unit = cable.stiffness[0] / cable.length**2
+    assert max(np.abs(one.end_wrench[:3]).max() for one in found) < 40.0 * unit
+    # it touches the ground in between, and a cable that touches nothing has no memory
+    out, back = found[80], found[160]
+    assert any(len(one.contacts) for one in found[80:160])
+    assert not len(out.contacts)
+    assert not len(back.contacts)
+    assert error(back.end_wrench, out.end_wrench) < REACHED
+
+
 def over_moving_beams() -> Tracker:
     """A cable across two rough beams whose edges are sharper than its steps are long."""
     joints = ("across", "prismatic", "0 1 0"), ("along", "prismatic", "1 0 0"), ("turn", "revolute", "0 0 1")

@@ -194,6 +194,8 @@ FOUND = {
     (106, 19): "a stiff loop over a thin beam, which soft springs let through",
     (106, 71): "a heavy cable over two thin beams, which soft springs let through",
     (107, 107): "a loop against a rough wall that is pushed on and taken back",
+    (108, 20): "a loop falls off the edge of a smooth beam",
+    (108, 23): "a lift led aside: a contact comes to the clamp",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

@@ -45,6 +45,8 @@ WORK = 150_000
 """The same among obstacles, about 300 ms at 2 us; continuations that arrive take a quarter of it."""
 PROGRESS = 0.01
 """Minimum progress of one solve, as a fraction of the longest step; with less it is stuck."""
+LEAST_SHARE = 0.01
+"""Unless its steps, halved again and again, were still longer than this when the budget was used up."""
 SAME_TWIST = 1e-2
 """Maximum difference of total twist, rad, of one equilibrium on two meshes."""
 FAR = 1.0
@@ -156,7 +158,7 @@ class CableTracker(SearchedEquilibrium):
             return self._cold(kinematics, joints, poses, begin, target_twist)
         rod.work = self._budget
         rod.patience, rod.short = PATIENCE, False
-        if _largest_difference(joints, self._joints) > LONGEST:
+        if self._share < 1.0 or _largest_difference(joints, self._joints) > LONGEST:
             return self._continue_to(kinematics, index, joints, poses, begin)
         qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
         obstacles = self._placed(kinematics, joints, poses)
@@ -278,7 +280,7 @@ class CableTracker(SearchedEquilibrium):
         distance = float(np.abs(joints - origin).max(initial=0.0))
         longest = LONGEST / max(distance, LONGEST)
         fallback = handover.nodal if rod.replaceable else None
-        first = longest * min(rod.stride, rod.first_stride)
+        first, self._share = longest * min(rod.stride, rod.first_stride, self._share), 1.0
         tolerance = ALGEBRAIC * self.tolerance
         result = continue_branch(
             rod, self._q, self._F, path, tolerance, first, longest, fallback, rod.longest_step,
@@ -292,6 +294,8 @@ class CableTracker(SearchedEquilibrium):
         progressed = result.at >= PROGRESS * longest or any(snap.folded for snap in result.snaps)
         # another rod, or a whole budget, may get farther
         progressed |= rod is not start or self._budget < self._full_budget
+        if not progressed and result.end is End.UNFINISHED and LEAST_SHARE * longest < result.step < first:
+            progressed, self._share = True, result.step / longest
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
             rod.refactor(result.q, result.F)
             if self._remembers and not any(snap.jumped for snap in result.snaps):

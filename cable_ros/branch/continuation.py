@@ -46,6 +46,8 @@ DESCENT_COST = 4
 """Work of an iteration of an energy descent, in iterations of a warm step."""
 FREE_SNAPS = 2
 """Number of snap-throughs outside the budget: even a small step may meet a fold, and end just before it."""
+EDGE = 3.0
+"""Maximum distance to an edge that a step may cross, in motions of clamps and obstacles."""
 TAUT = 500.0
 """Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle."""
 VERY_TAUT = 2e4
@@ -82,6 +84,8 @@ class Continuation:
     snaps: tuple[SnapThrough, ...]
     rod: Rod
     """The rod at the end: the first one, or its `fallback`."""
+    step: float
+    """The step that it would try next, fraction of the path."""
 
 
 def continue_branch(
@@ -117,7 +121,7 @@ def continue_branch(
     given = last = rod.work  # at the start, and after the last step
 
     def ended(end: End) -> Continuation:
-        return Continuation(end, at, q, F, iterations, tuple(snaps), rod)
+        return Continuation(end, at, q, F, iterations, tuple(snaps), rod, step)
 
     while at < 1.0:
         if rod.work <= 0.0:
@@ -125,11 +129,10 @@ def continue_branch(
             return ended(End.TAUT if taut else End.UNFINISHED)
         target = min(1.0, at + step)
         conditions, left = path(target), rod.work
-        if rod.obstacles is not None and conditions.obstacles is not None:
-            far = travel(rod.qe, rod.re, rod.obstacles, conditions.qe, conditions.re, conditions.obstacles)
-            if far > farthest:
-                step = (target - at) * max(0.9 * farthest / far, 0.1)
-                continue
+        far = _travel(rod, conditions)
+        if far > farthest:
+            step = (target - at) * max(0.9 * farthest / far, 0.1)
+            continue
         rod.short = step <= SHORT * longest
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
@@ -175,7 +178,7 @@ def continue_branch(
             rod.patience, last, spent = 0, rod.work, 0.0
         hard = step * 0.5 < smallest * longest or spent > most
         stable = (free or fallback is None or not hard) and rod.refactor(q, F)
-        lets_go = free and stable and rod.short and rod.lets_go(q, F)
+        lets_go = free and stable and rod.short and rod.lets_go(q, F, EDGE * far)
         folding = free and (not stable or lets_go or (fallback is not None and rod._softest() < SMALL))
         if folding:
             rod.patience = 0
@@ -246,6 +249,13 @@ def _taut_at(forces: list[tuple[float, float]]) -> float:
     if force < TAUT or force <= force_before:
         return np.inf
     return at + (at - before) / (np.sqrt(force / force_before) - 1.0)
+
+
+def _travel(rod: Rod, conditions: Conditions) -> float:
+    """`travel` from the rod's conditions to these; 0 without obstacles."""
+    if rod.obstacles is None or conditions.obstacles is None:
+        return 0.0
+    return travel(rod.qe, rod.re, rod.obstacles, conditions.qe, conditions.re, conditions.obstacles)
 
 
 def _norm(F: np.ndarray) -> float:

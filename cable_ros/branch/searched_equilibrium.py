@@ -107,7 +107,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             )
             self._lose(pending.loss_cause + twist)
             self._record = replace(self._record, waiting=waiting)
-        self._grid_history, self._taut_force = None, VERY_TAUT
+        self._grid_history, self._taut_force, self._share = None, VERY_TAUT, 1.0
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
 

@@ -81,6 +81,7 @@ class TrackedEquilibrium(CableModel):
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
         self._apart = np.inf
+        self._share = 1.0  # of the longest step: what is left to try after a budget without progress
         self._taut_force = VERY_TAUT  # end force, EI / L^2, from which this branch is known to be taut
         self._grid_history: GridHistory | None = None
         self._off_grid = Backoff(LONGEST_STAY)

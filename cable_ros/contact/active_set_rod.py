@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
 
+from cable_ros.contact.edges import across_edges
 from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, slip_change
 from cable_ros.contact.meshing import fitted, layered
@@ -21,6 +22,7 @@ from cable_ros.contact.points import (
     FRICTION,
     INTERFACE,
     KIND,
+    OBSTACLE,
     POINT,
     SLIPS,
 )
@@ -35,6 +37,7 @@ from cable_ros.contact.travel import (
     travel,
 )
 from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
 
@@ -171,24 +174,43 @@ class ActiveSetRod(FixedSetRod):
         points, self.count, self.h[:], self.s0[:] = state
         self.points[: self.count] = points
 
-    def lets_go(self, q: np.ndarray, F: np.ndarray) -> bool:
-        """Whether at the equilibrium (q, F) a point that hardly presses any more is all that holds the cable.
+    def lets_go(self, q: np.ndarray, F: np.ndarray, near: float) -> bool:
+        """Whether at the equilibrium (q, F) all that holds the cable is a point that hardly presses any more,
+        or the face under a point whose edge, at most `near` away, would not.
 
         If so, the branch ends at a fold, at which the stability margin jumps. Leaves (q, F) factored.
         """
         forces = self.points[: self.count, FORCE]
         if self.count == 0 or self.model != FRICTIONLESS:
             return False
+        held, kept = True, self.state()
+        for obstacles in self._edges_crossed(q, near):
+            there, self.obstacles = self.obstacles, obstacles
+            held = held and self.refactor(q, F)
+            self.restore(kept)
+            self.obstacles = there
         least = int(np.argmin(forces))
-        if self.points[least, KIND] != POINT or forces[least] > GOES * forces.max():
-            return False
-        kept = self.state()
-        self.points[least : self.count - 1] = self.points[least + 1 : self.count].copy()
-        self.count -= 1
-        held = self.refactor(q, F)
-        self.restore(kept)
+        if self.points[least, KIND] == POINT and forces[least] <= GOES * forces.max():
+            self.points[least : self.count - 1] = self.points[least + 1 : self.count].copy()
+            self.count -= 1
+            held = held and self.refactor(q, F)
+            self.restore(kept)
         self.refactor(q, F)
         return not held
+
+    def _edges_crossed(self, q: np.ndarray, near: float) -> Iterator[np.ndarray]:
+        """The obstacles (o, WIDTH) with one moved, a point just beyond its edge; see `across_edges`."""
+        assert self.obstacles is not None
+        self.trace(q)
+        r = np.empty(3)
+        for point in self.points[: self.count]:
+            if point[KIND] == POINT:
+                position(self.c, self.h, self.s0, point[ARC_LENGTH], r)
+                which = int(point[OBSTACLE])
+                for moved in across_edges(self.obstacles[which], r, near):
+                    obstacles = self.obstacles.copy()
+                    obstacles[which] = moved
+                    yield obstacles
 
     def polished(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
         """The equilibrium (q, F) solved once more if it lies along something without friction.

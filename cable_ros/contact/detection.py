@@ -38,6 +38,10 @@ BESIDE = 0.25
 """Distance from a contact point, in spacings, within which a minimum is that of a cable nearly flat there."""
 MANY = 3.0
 """Swings in a row of a point that becomes a patch."""
+RESTING, EDGED = 5e-4, 0.1
+"""Distance from a clamp, L, within which contact is the clamp's own: with so short an arm its force, of which
+the cable tells the moment alone, goes to infinity. And curvature of an edge, of which that is not said, times
+this distance."""
 LONG = 4.0
 """Length inside an obstacle, in spacings, above which contact is a patch, not a point."""
 
@@ -175,7 +179,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             if s < 0.0:
                 continue
             value, _, _ = gap_at(shape, s, obstacles[o], at)
-            if value >= -depth:
+            if value >= -depth or (value > -(RESTING**2) and min(s, 1.0 - s) < RESTING):
                 continue
             if inside(points, count, o, s):
                 e, x = find_element(s, s0, h)
@@ -217,6 +221,31 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                     count = add(points, count, o, s, POINT)
             changed = True
     return changed, count
+
+
+@njit(**INNER)
+def release(shape, obstacles, points, count):
+    """Drop the points that have come so near to a clamp that the clamp bears their force; see RESTING.
+
+    Args:
+        shape: `Shape`.
+        obstacles: (o, WIDTH).
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+
+    Returns:
+        How many there were, and the number of points.
+    """
+    at = surface()
+    before, i = count, 0
+    while i < count:
+        s = points[i, ARC_LENGTH]
+        if points[i, KIND] == POINT and min(s, 1.0 - s) < RESTING:
+            gap_at(shape, s, obstacles[int(points[i, OBSTACLE])], at)
+            if max(at.bends[0], at.bends[1]) * RESTING < EDGED:
+                count = remove(points, count, i)
+                continue
+        i += 1
+    return before - count, count
 
 
 @njit(**INNER)

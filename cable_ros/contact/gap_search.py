@@ -11,7 +11,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import shape_of, surface
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, gap
-from cable_ros.contact.interfaces import gap_at, lowest
+from cable_ros.contact.interfaces import LEVEL, gap_at, lowest
 from cable_ros.contact.points import (
     FORCE,
     LENGTH,
@@ -26,8 +26,6 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 AWAY = 1.0
 """Gap below which it is evaluated exactly, in spacings of the samples."""
-LEVEL = 1e-9
-"""Maximum slope of a clamp that lies along a surface, rad: rounding."""
 NODES = 0.5 - 0.5 * np.sqrt(0.6), 0.5, 0.5 + 0.5 * np.sqrt(0.6)
 WEIGHTS = 5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0
 """Gauss rule on an interval of length 1: exact for the square of a parabola's depth."""

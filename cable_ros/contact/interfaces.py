@@ -25,6 +25,8 @@ half of how near they are, if that is less."""
 STRETCHED, LONG = 1.75, 0.25
 """Maximum length of an element beside a boundary that moves to a point: over the longer of the two before,
 and L. The nearest boundary leaves less; a farther one may leave an element too long for its curvature."""
+LEVEL = 1e-9
+"""Maximum slope of a cable that lies along a surface, rad: rounding."""
 SHORTEST = 1e-3
 """Least distance to a boundary that another contact point owns, L."""
 
@@ -279,11 +281,13 @@ def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
             continue
         if points[i, KIND] == POINT:
             ob, s = obstacles[int(points[i, OBSTACLE])], points[i, ARC_LENGTH]
-            _, _, curvature = gap_at(shape, s, ob, at)
-            minimum = lowest(shape, s, spacing, ob)
+            _, slope, curvature = gap_at(shape, s, ob, at)
+            # where the cable is all but flat on the surface, rounding would send it to and fro
+            level = curvature <= 0.0 and abs(slope) < LEVEL
+            minimum = s if level else lowest(shape, s, spacing, ob)
             # the kink that its force makes moves with the point: the shape does not show it at the minimum
             kink = 0.25 * points[i, FORCE] * abs(minimum - s)
-            if kink > curvature:
+            if kink > curvature and not level:
                 # beside an edge the gap is curved as the face is, and at its minimum as the edge
                 _, _, curvature = gap_at(shape, minimum, ob, at)
             if kink <= curvature:

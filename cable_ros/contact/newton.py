@@ -8,7 +8,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
-from cable_ros.contact.detection import flatten, update_active_set
+from cable_ros.contact.detection import flatten, release, update_active_set
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.interfaces import place_points
 from cable_ros.contact.moving_obstacles import follow_obstacles
@@ -165,10 +165,11 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             if not tangent:
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
                 moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
+                released, count = release(shape, obstacles, points, count)
                 shrunk, count = shrink(points, count, spacing, depth)
                 merged, count = merge(points, count, spacing)
                 changes, count = fill(points, count, h, s0, covered)
-                changes += flattened + shrunk + merged
+                changes += flattened + released + shrunk + merged
             holds = holds and changes == 0
             full = not holds or (not tangent and (rotation > refactor_at or rate > SLOW))
             if not full:

@@ -69,8 +69,10 @@ class WithoutContact:
         """
         return None
 
-    def lets_go(self, q: np.ndarray, F: np.ndarray) -> bool:
-        """Whether only a contact that is about to end holds the cable at the equilibrium (q, F)."""
+    def lets_go(self, q: np.ndarray, F: np.ndarray, near: float) -> bool:
+        """Whether only a contact that is about to end holds the cable at the equilibrium (q, F), or one on a
+        face whose edge, at most `near` away, does not hold it.
+        """
         return False
 
     def contact_force(self) -> np.ndarray:
