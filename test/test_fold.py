@@ -138,3 +138,20 @@ def test_an_edge_that_does_not_hold_the_cable_is_a_fold_in_any_number_of_steps()
     """A loop rides on a smooth beam, 80 mm wide, until that has moved by 40 of 100 mm: it falls off aside."""
     for one in snapped_once(drawn_case(108, 20, 1e-4), 1, 0.4, (1, 4, 16)):
         assert abs(one.end_wrench[1]) > 1.0  # N; 0 in the plane in which it was
+
+
+def test_the_side_of_a_fork_is_told_and_does_not_depend_on_the_steps() -> None:
+    """A planar cable lifted off the ground leaves its plane as it is laid down: rounding chose the side."""
+    case = drawn_case(110, 7, 1e-4)
+    ends = []
+    for count in (1, 4):
+        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+        found = [tracker.arrive(dict(pose))["cable"] for pose in refined(case.path[:7], count)]
+        assert {one.status for one in found} == {Status.CONVERGED}
+        (forked,) = [i for i, one in enumerate(found) if "forked" in one.message]
+        assert 5.0 < forked / count <= 6.0
+        assert "to the side of two" in found[forked].message
+        assert abs(found[forked - 1].end_wrench[1]) < 1e-6 * np.abs(found[forked - 1].end_wrench).max()
+        ends.append(found[-1].end_wrench)
+    assert ends[1] == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+    assert abs(ends[0][1]) > 5e-3 * np.abs(ends[0]).max()

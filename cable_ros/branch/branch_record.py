@@ -20,6 +20,7 @@ ALIKE = 1e-2
 MOST_REPORTED = 3
 """Maximum number of snap-throughs that one message describes."""
 BY_RULE = ", to the side of two that a small load along (-1, 3, 2) of the start clamp's axes takes"
+FORKED = "; its branch forked at {:.4g} % of the step" + BY_RULE + "."
 REMEDY = (
     "It is known again once the cable touches nothing and has no other equilibrium near, or once every "
     "contact is a point and slips; until then, call reset (of the node: ~/reset) to take the equilibrium "
@@ -103,6 +104,8 @@ class BranchRecord:
     """The last snap-throughs at folds that no result has reported yet, at most MOST_REPORTED."""
     earlier: int = 0
     """Number of such snap-throughs before these."""
+    fork: float | None = None
+    """Fraction of the step at which the branch forked, if no result has reported that yet."""
     waiting: tuple[tuple[float, ...], ...] = ()
     """Joint values of the poses asked for and not reached yet: friction depends on the path."""
 
@@ -122,6 +125,10 @@ class BranchRecord:
             return self
         snaps = (*self.snaps, snap)
         return BranchRecord(None, snaps[-MOST_REPORTED:], self.earlier + max(0, len(snaps) - MOST_REPORTED))
+
+    def after_fork(self, at: float) -> BranchRecord:
+        """After the branch has forked at a fraction of a step."""
+        return self if self.loss is not None else replace(self, fork=at)
 
     def with_waiting(self, here: np.ndarray, joints: np.ndarray) -> BranchRecord:
         """After another pose, `joints` (n,), was asked for and not reached; the cable is `here` (n,)."""

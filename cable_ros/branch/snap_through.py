@@ -67,6 +67,8 @@ class SnapThrough:
 
     crossed: bool = False
     """Whether the branch itself continues, unstable: its margin has passed through 0."""
+    forks: bool = False
+    """Whether a stable branch leaves it there, which the cable is on now."""
 
     @property
     def folded(self) -> bool:
@@ -94,7 +96,8 @@ def snap_and_record(
     twist, end, found = float(rod.totals[TWIST]), min(1.0, at + AHEAD * step), None
     if margin < SMALL:
         found = switch_branch(rod, q, F, mode, path(end))
-        crossed = crossed or found is not None
+    forks = found is not None
+    crossed = crossed or forks
     if found is None:
         end = min(1.0, at + step)
         found = snap_through(rod, q, F, path(end))
@@ -107,7 +110,7 @@ def snap_and_record(
         earlier = margins[-2:-1] or _earlier_margin(before, q, F, path, at, step, tolerance)
         to_fold = min((_to_fold(at, margin, *one) / step for one in earlier), default=np.inf)
     record = SnapThrough(
-        at, energy, found.energy, twist, found.twist, jumped, touched, margin, to_fold, crossed
+        at, energy, found.energy, twist, found.twist, jumped, touched, margin, to_fold, crossed, forks
     )
     return found, record, end
 

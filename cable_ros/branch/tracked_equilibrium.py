@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from cable_ros.branch import handover, results
-from cable_ros.branch.branch_record import BranchRecord, GridHistory, Loss, is_unique, relative_motion
+from cable_ros.branch.branch_record import FORKED, BranchRecord, GridHistory, Loss, is_unique, relative_motion
 from cable_ros.branch.cable_model import CableModel
 from cable_ros.branch.cold_start import (
     ACCEPT,
@@ -111,6 +111,8 @@ class TrackedEquilibrium(CableModel):
                 self._lose(f"it snapped, {turned}, with a stability margin of {snap.margin:.2g} before")
             elif snap.jumped:
                 self._record = self._record.after_snap(snap)
+            elif snap.forks:
+                self._record = self._record.after_fork(snap.at)
 
     def _add_motion(self, before: Conditions, step: bool, free: Callable[[Loss], float | None]) -> None:
         """Add the motion since `before` to the record of a lost branch, which may be known again by it.
@@ -235,6 +237,11 @@ class TrackedEquilibrium(CableModel):
         elif converged and record.snaps and not self._passing:
             status, message = Status.SNAPPED, record.snap_message(self._units.moment)
             self._record = BranchRecord()
+        elif converged and record.fork is not None and not self._passing:
+            message, self._record = (
+                message[:-1] + FORKED.format(100.0 * record.fork),
+                replace(record, fork=None),
+            )
         if self._apart < self._diameter:
             message = f"{message} {warning(self._apart, self._diameter)}"
         return status, message if self.choice is None else message + self.choice.note

@@ -28,6 +28,7 @@ from cable_ros.contact.points import (
 )
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.travel import (
+    AXIAL,
     CONTACT_STEP,
     FRICTION_CHANGE,
     FRICTION_LEAST,
@@ -48,6 +49,9 @@ KEPT = 1e-3
 FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 """Maximum rotation of a section in a step with friction: multiple of that in the tangent step, rad per motion
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
+MANY, PLANAR, OUT = 8, 1e-8, 1e-3
+"""Number of iterations in which rounding may lead out of a plane, what a planar shape is out of it by, and
+what shows that it has left it: half the turn of a section, rad."""
 DENSE = 20.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
@@ -266,6 +270,8 @@ class ActiveSetRod(FixedSetRod):
             leaps = distance > 0.0 and rotated > most and self._rotated(q, q_new) > most
             if leaps or (self.stride < SHORTER and distance > FRICTION_LEAST):
                 code = warm_step.TOO_FAR
+        if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):
+            code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
         rotation = self.rotation + rotated if self.ready else np.inf
         if self.model == COULOMB and turned == 0.0 and same and rotation < self.refactor_at:
@@ -310,7 +316,7 @@ class ActiveSetRod(FixedSetRod):
         return quaternion.largest_rotation(before, q_new)
 
     def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray) -> float:
-        """Relative change across the cable, in a step to q, of the friction of what slips; see `travel`."""
+        """Relative change, in a step to q, of the friction of what slips; see `travel.FRICTION_CHANGE`."""
         change, possible = slip_change(self.points, self.count, obstacles)
         possible = max(possible, math.sqrt(F.dot(F)))
         if change <= SHORTER * FRICTION_CHANGE * possible:
@@ -318,8 +324,10 @@ class ActiveSetRod(FixedSetRod):
         points = self.points[: self.count]
         slips = points[points[:, SLIPS] == 1.0]
         along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
-        across = np.cross(along, slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3])
-        return float(np.linalg.norm(across, axis=1).sum()) / possible
+        changes = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
+        across = np.linalg.norm(np.cross(along, changes), axis=1).sum()
+        axial = np.abs(np.sum(along * changes, axis=1)).sum()
+        return float(across + AXIAL * axial) / possible
 
     def _reverse(
         self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float
@@ -358,3 +366,16 @@ class ActiveSetRod(FixedSetRod):
             return code, iterations + more, q_new, F_new
         self.restore(kept, old)
         return None
+
+
+def leaves_plane(q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray) -> bool:
+    """Whether a planar cable, q (n, 4), leaves its plane in one step to q_new, although its ends stay in it.
+
+    Where the planar branch loses its stability, rounding would pick one of two mirror images; smaller steps
+    show that, and a rule picks it, see `switch_branch`. `qe`, `re`: end frame (4,) and position (3,), L.
+    """
+    n = quaternion.plane(q)
+    if not n.any() or quaternion.out_of_plane(q_new, n) < OUT:
+        return False
+    ends = max(quaternion.out_of_plane(qe[None], n), abs(float(re @ n)))
+    return max(quaternion.out_of_plane(q, n), ends) < PLANAR

@@ -19,6 +19,7 @@ from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, make_p
 from cable_ros.contact.points import (
     APART,
     ARC_LENGTH,
+    FIRST,
     FORCE,
     KIND,
     NUMBER,
@@ -38,6 +39,9 @@ BESIDE = 0.25
 """Distance from a contact point, in spacings, within which a minimum is that of a cable nearly flat there."""
 MANY = 3.0
 """Swings in a row of a point that becomes a patch."""
+MOVES = 3.0
+"""Maximum number of times, in a solve, that the end of a patch moves out to where the cable dips beside it:
+what brings it back is the mesh, and only a finer one can tell whether it touches there."""
 RESTING, EDGED = 5e-4, 0.1
 """Distance from a clamp, L, within which contact is the clamp's own: with so short an arm its force, of which
 the cable tells the moment alone, goes to infinity. And curvature of an edge, of which that is not said, times
@@ -193,8 +197,10 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             beside = ends or (near >= 0 and abs(points[near, ARC_LENGTH] - s) < BESIDE * spacing)
             if beside and value >= -give:
                 continue
+            if ends and points[near, NUMBER] >= MOVES:
+                continue
             if ends:
-                points[near, ARC_LENGTH] = s
+                points[near, ARC_LENGTH], points[near, NUMBER] = s, points[near, NUMBER] + 1.0
             elif near >= 0 and not at_edges(shape, points[near, ARC_LENGTH], s, obstacles[o]):
                 # two minima closer than the spacing: the cable begins to lie on the surface
                 low, high = min(s, points[near, ARC_LENGTH]), max(s, points[near, ARC_LENGTH])
@@ -246,6 +252,15 @@ def release(shape, obstacles, points, count):
                 continue
         i += 1
     return before - count, count
+
+
+@njit(**INNER)
+def dipping(points, count):
+    """Whether the cable dips beside the end of a patch, see MOVES; `points`, `count`: as in `release`."""
+    found = False
+    for i in range(count):
+        found = found or (points[i, KIND] >= FIRST and points[i, NUMBER] >= MOVES)
+    return found
 
 
 @njit(**INNER)

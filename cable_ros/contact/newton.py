@@ -8,7 +8,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
-from cable_ros.contact.detection import flatten, release, update_active_set
+from cable_ros.contact.detection import dipping, flatten, release, update_active_set
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.interfaces import place_points
 from cable_ros.contact.moving_obstacles import follow_obstacles
@@ -16,9 +16,11 @@ from cable_ros.contact.patch_ends import merge, move_ends, shrink
 from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
 from cable_ros.contact.points import (
     BEFORE,
+    FIRST,
     FORCE,
     FRICTION,
     KIND,
+    NUMBER,
     POINT,
     SAMPLE,
     SLIP_ROW,
@@ -145,6 +147,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         for a in range(3):
             points[i, BEFORE + a] = points[i, FRICTION + a]
         points[i, SWINGS] = 0.0
+        if points[i, KIND] >= FIRST:
+            points[i, NUMBER] = 0.0
     copy_rows(q, q_new)
     copy(F, F_new)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[q.shape[0] - 1]), qe))
@@ -245,7 +249,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             shape, samples, obstacles, left, left - depth + give, points, count, phi
         )
         if not changed:
-            moved = moved or coarse(points, count, h, s0, finest)
+            moved = moved or coarse(points, count, h, s0, finest) or dipping(points, count)
             if not convex and model == FRICTIONLESS:
                 return NOT_CONVEX, total, count, total_rows, moved, rotation, foreseen
             if model == COULOMB:

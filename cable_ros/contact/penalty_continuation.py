@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.active_set_rod import ActiveSetRod, leaves_plane
 from cable_ros.contact.distance import POSE
 from cable_ros.contact.edge_rounding import remove_rounding, rounded
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
@@ -151,7 +151,7 @@ def descend_instead(
     if found is not None:
         after = rod.mesh.interpolate(found[0], GRID)
         moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))
-        if moved < min(limit, 0.02 + 20.0 * motion):
+        if moved < min(limit, 0.02 + 20.0 * motion) and not leaves_plane(q, found[0], qe, re):
             rod.rotation = 0.0
             return warm_step.ADVANCED, failed[1] + found[2], found[0], found[1]
     rod.restore(kept, mesh)

@@ -13,10 +13,12 @@ TURN = 0.3
 FRICTION_STEP, CONTACT_STEP = 0.02, 0.1
 """Longest step, lengths, of a cable among obstacles, with friction and without: friction depends on the path
 between two poses, which is taken to be straight."""
-FRICTION_CHANGE = 0.12
-"""Maximum change in a step of the friction across the cable, of what slips, relative to all possible
-friction: within a step slip has one direction. With twice as much, wrenches differed by 1 % from those of
-finer steps. Along itself a cable slips as a whole, in one direction."""
+FRICTION_CHANGE = 0.06
+"""Maximum change in a step of the friction of what slips, relative to all possible friction: within a step
+slip has one direction. With twice as much, wrenches differed by 1 to 2 % from those of finer steps."""
+AXIAL = 0.25
+"""Weight of a change along the cable in that of contact points. Along itself a cable slips as a whole, in one
+direction; but where a point begins to slip, that turns. None on a grid: most of a lying cable sticks."""
 FRICTION_LEAST = 2e-4
 """Length of a step, L, that may change it at once, as when everything that sticks begins to slip."""
 SHORTER = 0.8

@@ -177,3 +177,18 @@ def slerp(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
     out = np.empty((1, 4))
     retract(a[None, :], t * rotation_vector(multiply(conjugate(a), b)), out)
     return out[0]
+
+
+def plane(q: np.ndarray) -> np.ndarray:
+    """Unit normal (3,) of the plane in which frames q (n, 4) turn farthest; zero if they do not turn.
+
+    The frame of the start clamp is the identity.
+    """
+    farthest = q[np.argmax(np.sum(q[:, 1:] ** 2, axis=1)), 1:]
+    size = float(np.linalg.norm(farthest))
+    return farthest / size if size > 1e-6 else np.zeros(3)
+
+
+def out_of_plane(q: np.ndarray, n: np.ndarray) -> float:
+    """Half the largest angle, rad, by which frames q (n, 4) turn out of the plane with normal n (3,)."""
+    return float(np.abs(q[:, 1:] - np.outer(q[:, 1:] @ n, n)).max())
