@@ -196,6 +196,8 @@ FOUND = {
     (107, 107): "a loop against a rough wall that is pushed on and taken back",
     (108, 20): "a loop falls off the edge of a smooth beam",
     (108, 23): "a lift led aside: a contact comes to the clamp",
+    (109, 45): "a heavy cable in a tray that turns: it dips beside where it lies",
+    (110, 7): "a lift without friction forks as it is laid down",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

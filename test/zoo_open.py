@@ -47,6 +47,14 @@ DRAWN = {
     (108, 35): "beams cold: no start arrives",
     (108, 61): "a ball pushed up under a rough cable until that is taut: in two poses the branch is lost",
     (108, 87): "over a rough edge: had, at 3 s a pose",
+    (109, 5): "an edge on a grid is said to stick and has moved 1.1e-3 of the length",
+    (109, 12): "a short patch in a rough slot becomes a point: a grid, 2 % off in other steps",
+    (109, 16): "all but taut between two smooth rollers: 2.4e-4 off",
+    (110, 9): "a light cable over two rough beams: the branch is lost",
+    (110, 22): "a loop at rest exactly on an edge, beside which the judge finds nothing",
+    (110, 27): "a ball pushed up until a rough cable is taut: a grid's error is too large",
+    (110, 28): "a short patch on a rough table, samples of which stick and slip in turn: a grid",
+    (110, 43): "a rough lift in five poses: it falls over, and the branch is lost",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 

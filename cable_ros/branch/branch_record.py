@@ -23,8 +23,8 @@ BY_RULE = ", to the side of two that a small load along (-1, 3, 2) of the start 
 FORKED = "; its branch forked at {:.4g} % of the step" + BY_RULE + "."
 REMEDY = (
     "It is known again once the cable touches nothing and has no other equilibrium near, or once every "
-    "contact is a point and slips; until then, call reset (of the node: ~/reset) to take the equilibrium "
-    "of a cold start."
+    "contact is a point and slips, if there was one equilibrium only; until then, call reset (of the node: "
+    "~/reset) to take that of a cold start."
 )
 
 
@@ -42,6 +42,8 @@ class Loss:
     """A clause."""
     history: bool
     """Whether friction's history was forgotten."""
+    several: bool = False
+    """Whether the cold start after it found several equilibria: slip does not tell which is the cable's."""
     before_slip: float = 0.0
     """Relative motion of clamps and obstacles since then, up to the onset of slip at every point."""
     since_slip: float = -1.0
@@ -66,8 +68,8 @@ class Loss:
 
     @property
     def resolved(self) -> bool:
-        """Whether friction no longer depends on the lost history."""
-        return self.history and self.since_slip >= self.before_slip > 0.0
+        """Whether friction no longer depends on the lost history, and nothing else was lost."""
+        return self.history and not self.several and self.since_slip >= self.before_slip > 0.0
 
     @property
     def search_due(self) -> bool:
@@ -109,15 +111,17 @@ class BranchRecord:
     waiting: tuple[tuple[float, ...], ...] = ()
     """Joint values of the poses asked for and not reached yet: friction depends on the path."""
 
-    def after_loss(self, cause: str, history: bool, joints: np.ndarray, twist: float | None) -> BranchRecord:
+    def after_loss(
+        self, cause: str, history: bool, joints: np.ndarray, twist: float | None, several: bool = False
+    ) -> BranchRecord:
         """After a loss at `joints` (n,) with total twist `twist`, rad; an earlier loss keeps its pose."""
         before = self.loss
         if before is not None:
-            history = history or before.history
-            return BranchRecord(Loss(cause, history, joints=before.joints, twist=before.twist))
+            history, several = history or before.history, several or before.several
+            return BranchRecord(Loss(cause, history, several, joints=before.joints, twist=before.twist))
         if twist is None:
-            return BranchRecord(Loss(cause, history))
-        return BranchRecord(Loss(cause, history, joints=tuple(joints.tolist()), twist=twist))
+            return BranchRecord(Loss(cause, history, several))
+        return BranchRecord(Loss(cause, history, several, joints=tuple(joints.tolist()), twist=twist))
 
     def after_snap(self, snap: SnapThrough) -> BranchRecord:
         """After a snap-through at a fold."""

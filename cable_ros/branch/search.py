@@ -66,6 +66,11 @@ class Search:
         return self._best if self._estimate < np.inf else None
 
     @property
+    def several(self) -> bool:
+        """Whether it found more than one equilibrium."""
+        return self._coarse is not None and len(self._coarse) > 1
+
+    @property
     def sentence(self) -> str:
         """The message of `found`; it says whether others have the same energy."""
         assert self._coarse is not None

@@ -105,7 +105,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             twist = (
                 "" if target_twist is None else f", total twist {target_twist:.3f} -> {found.twist:.3f} rad"
             )
-            self._lose(pending.loss_cause + twist)
+            self._lose(pending.loss_cause + twist, search.several)
             self._record = replace(self._record, waiting=waiting)
         self._grid_history, self._taut_force, self._share = None, VERY_TAUT, 1.0
         self._take(found, pending.joints)

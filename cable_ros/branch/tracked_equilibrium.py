@@ -96,8 +96,9 @@ class TrackedEquilibrium(CableModel):
         """Treat the branch as lost until it is known again, or `reset`; `cause`: a clause."""
         self._lose(cause)
 
-    def _lose(self, cause: str) -> None:
-        self._record = self._record.after_loss(cause, self._model == COULOMB, self._joints, self._twist)
+    def _lose(self, cause: str, several: bool = False) -> None:
+        history = self._model == COULOMB
+        self._record = self._record.after_loss(cause, history, self._joints, self._twist, several)
         if self._rod is not None:
             self._rod.forgot = False
 

@@ -30,9 +30,10 @@ from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.travel import (
     AXIAL,
     CONTACT_STEP,
-    FRICTION_CHANGE,
     FRICTION_LEAST,
     FRICTION_STEP,
+    LYING_CHANGE,
+    POINTS_CHANGE,
     SHORTER,
     stride,
     travel,
@@ -264,10 +265,11 @@ class ActiveSetRod(FixedSetRod):
         self.spend(iterations)
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
-            self.stride = stride(self._friction_change(q_new, F_new, obstacles))
+            most = LYING_CHANGE if self.has_patch else POINTS_CHANGE
+            self.stride = stride(self._friction_change(q_new, F_new, obstacles, most), most)
             distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
-            most = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
-            leaps = distance > 0.0 and rotated > most and self._rotated(q, q_new) > most
+            farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
+            leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
             if leaps or (self.stride < SHORTER and distance > FRICTION_LEAST):
                 code = warm_step.TOO_FAR
         if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):
@@ -315,19 +317,19 @@ class ActiveSetRod(FixedSetRod):
         before = self.mesh.interpolate(q, Mesh(self.mesh.element, self.h.copy()).nodes)
         return quaternion.largest_rotation(before, q_new)
 
-    def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray) -> float:
-        """Relative change, in a step to q, of the friction of what slips; see `travel.FRICTION_CHANGE`."""
+    def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray, most: float) -> float:
+        """Relative change, in a step to q, of the friction of what slips; 0 if it is below `most` anyway."""
         change, possible = slip_change(self.points, self.count, obstacles)
         possible = max(possible, math.sqrt(F.dot(F)))
-        if change <= SHORTER * FRICTION_CHANGE * possible:
+        if change <= SHORTER * most * possible:
             return 0.0
         points = self.points[: self.count]
         slips = points[points[:, SLIPS] == 1.0]
         along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
         changes = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
         across = np.linalg.norm(np.cross(along, changes), axis=1).sum()
-        axial = np.abs(np.sum(along * changes, axis=1)).sum()
-        return float(across + AXIAL * axial) / possible
+        axial = 0.0 if self.has_patch else AXIAL * np.abs(np.sum(along * changes, axis=1)).sum()
+        return float(across + axial) / possible
 
     def _reverse(
         self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float

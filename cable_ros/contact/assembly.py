@@ -41,6 +41,7 @@ from cable_ros.contact.points import (
     SLIP_ROW,
     SLOPE_ROW,
     STICK_ROW,
+    WAS,
     YIELD,
 )
 from cable_ros.contact.stretched import internal_forces, row_reaches, trace
@@ -225,6 +226,12 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
                 carry(history.obstacles[o], obstacle, np.zeros(3), old)
                 for a in range(3):
                     terms.creep[i, a] = long * at.t[a] - old[a]
+            elif not initial and points[i, WAS] > 0.0:
+                # where contact moves along a cable that spins on the obstacle, slip is that half way
+                derivative(curve, history.h, history.s0, s, old)
+                carry(history.obstacles[o], obstacle, np.zeros(3), old)
+                for a in range(3):
+                    before[a] -= 0.5 * (s - points[i, WAS]) * (at.t[a] - old[a])
             stiffness = stick_stiffness(mu * points[i, FORCE], history.presliding)
             if not held:
                 limit = terms.tangents[i]

@@ -15,6 +15,7 @@ from cable_ros.contact.moving_obstacles import follow_obstacles
 from cable_ros.contact.patch_ends import merge, move_ends, shrink
 from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
 from cable_ros.contact.points import (
+    ARC_LENGTH,
     BEFORE,
     FIRST,
     FORCE,
@@ -28,6 +29,7 @@ from cable_ros.contact.points import (
     SLOPE_ROW,
     STICK_ROW,
     SWINGS,
+    WAS,
 )
 from cable_ros.contact.stretched import close_strained_curve, trace
 from cable_ros.linalg import banded
@@ -147,6 +149,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         for a in range(3):
             points[i, BEFORE + a] = points[i, FRICTION + a]
         points[i, SWINGS] = 0.0
+        points[i, WAS] = points[i, ARC_LENGTH] if points[i, KIND] == POINT else 0.0
         if points[i, KIND] >= FIRST:
             points[i, NUMBER] = 0.0
     copy_rows(q, q_new)

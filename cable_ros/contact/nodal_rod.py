@@ -20,7 +20,7 @@ from cable_ros.contact.nodal_newton import CONVERGED, state_moved
 from cable_ros.contact.nodal_response import obstacle_motions
 from cable_ros.contact.nodal_solver import NodalSolver
 from cable_ros.contact.nodal_state import ORDER, State
-from cable_ros.contact.travel import FRICTION_LEAST, FRICTION_STEP, SHORTER, stride, travel
+from cable_ros.contact.travel import FRICTION_LEAST, FRICTION_STEP, LYING_CHANGE, SHORTER, stride, travel
 from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
@@ -108,7 +108,7 @@ class NodalRod(NodalSolver):
         if code != CONVERGED:
             return warm_step.NOT_CONTRACTING, iterations, q, F
         if flown is None and not self.follows:
-            self.stride = stride(self._friction_change(known.state))
+            self.stride = stride(self._friction_change(known.state), LYING_CHANGE)
             if self.stride < SHORTER and distance > FRICTION_LEAST:
                 self._return(known)
                 return warm_step.TOO_FAR, iterations, q, F

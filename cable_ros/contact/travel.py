@@ -13,21 +13,25 @@ TURN = 0.3
 FRICTION_STEP, CONTACT_STEP = 0.02, 0.1
 """Longest step, lengths, of a cable among obstacles, with friction and without: friction depends on the path
 between two poses, which is taken to be straight."""
-FRICTION_CHANGE = 0.06
-"""Maximum change in a step of the friction of what slips, relative to all possible friction: within a step
-slip has one direction. With twice as much, wrenches differed by 1 to 2 % from those of finer steps."""
+POINTS_CHANGE, LYING_CHANGE = 0.04, 0.12
+"""Maximum change in a step of the friction of what slips, relative to all possible friction, where the cable
+touches at points alone, and where it lies: within a step slip has one direction. With twice as much, wrenches
+differed by 1 to 2 % from those of finer steps; where it lies, shorter steps fail more often."""
 AXIAL = 0.25
-"""Weight of a change along the cable in that of contact points. Along itself a cable slips as a whole, in one
-direction; but where a point begins to slip, that turns. None on a grid: most of a lying cable sticks."""
+"""Weight of a change along the cable in that of points. Along itself a cable slips as a whole, in one
+direction; but where a point begins to slip, that turns. Where it lies, most of it sticks, and this is 0."""
 FRICTION_LEAST = 2e-4
 """Length of a step, L, that may change it at once, as when everything that sticks begins to slip."""
 SHORTER = 0.8
 """Factor by which a step that must be shorter is made shorter still, so as not to fail twice."""
 
 
-def stride(change: float) -> float:
-    """Length of the next step over one that changed friction by `change`; below SHORTER it was too long."""
-    return min(max(SHORTER * FRICTION_CHANGE / max(change, 1e-9), 0.1), 2.0)
+def stride(change: float, most: float) -> float:
+    """Length of the next step over one that changed friction by `change`, where it may by `most`.
+
+    Below SHORTER that one was too long.
+    """
+    return min(max(SHORTER * most / max(change, 1e-9), 0.1), 2.0)
 
 
 @njit(**LEAF_ENTRY)
