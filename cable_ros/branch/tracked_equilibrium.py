@@ -41,6 +41,9 @@ GRID = 0.05
 """Maximum estimated error of an equilibrium with friction on a grid of contacts; see `NodalRod`."""
 REFINE = 0.4
 """Part of that from which a grid becomes finer: the error that friction has once, it keeps."""
+ACCEPT_ROUGH = 0.25
+"""As ACCEPT, with friction at points alone. The estimate holds in place what sticks; where its friction is
+held instead, as a judge does who is told that friction, the error was up to three times the estimate."""
 COARSE = "Contact was solved on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
 INACCURATE = "The estimated error of the end wrench, {:.1e}, exceeds the tolerance {:.0e}."
@@ -210,7 +213,8 @@ class TrackedEquilibrium(CableModel):
         sinks = rod.unresolved(self._q, LENIENT).any()
         beside = rod.clamp_errors(self._q, self._F).max()
         iterations = 0
-        if max(self._estimate, beside) > ACCEPT * self.tolerance or sinks:
+        accept = ACCEPT_ROUGH if rod.frictional and not rod.lies else ACCEPT
+        if max(self._estimate, beside) > accept * self.tolerance or sinks:
             before = rod, self._q, self._F
             fine, estimate = refine(Found.at(*before), self.tolerance)
             iterations = fine.iterations

@@ -16,8 +16,11 @@ JUST = 1e-3
 def across_edges(obstacle: np.ndarray, r: np.ndarray, near: float) -> Iterator[np.ndarray]:
     """The obstacle (WIDTH,) moved so that the point r (3,) on a face of it is just beyond an edge of it.
 
-    One for each edge that is at most `near` away.
+    One for each edge that is at most `near` away, L. None for a cable without a diameter: about an edge the
+    direction of contact turns within its radius.
     """
+    if obstacle[OFFSET] <= 0.0:
+        return
     turn = obstacle[AXES:DIMENSIONS].reshape(3, 3)
     y = turn.T @ (r - obstacle[CENTRE:AXES])
     half = obstacle[DIMENSIONS:OFFSET]
