@@ -243,10 +243,8 @@ class TrackedEquilibrium(CableModel):
             status, message = Status.SNAPPED, record.snap_message(self._units.moment)
             self._record = BranchRecord()
         elif converged and record.fork is not None and not self._passing:
-            message, self._record = (
-                message[:-1] + FORKED.format(100.0 * record.fork),
-                replace(record, fork=None),
-            )
+            message = message[:-1] + FORKED.format(100.0 * record.fork)
+            self._record = replace(record, fork=None)
         if self._apart < self._diameter:
             message = f"{message} {warning(self._apart, self._diameter)}"
         return status, message if self.choice is None else message + self.choice.note
