@@ -25,8 +25,7 @@ slips, the first of the two constraint rows of what sticks, that of what slips (
 or an end went in the last iteration, how far the obstacle goes there in the step (3), how often in a row a
 point went back by what it had come; then what holds a point at an arm, see `point_couples`: the arm along the
 section's axes (3; 0: nothing), the arc length, the given force (3), the place (3) and the stiffness of a
-spring; the arc length of a point or an end at the last equilibrium (0: it is new); then the number of
-columns."""
+spring; the arc length of a point at the last equilibrium (0: it is new); then the number of columns."""
 POINT, SAMPLE, FIRST, LAST = 0.0, 1.0, 2.0, 3.0
 """Kinds: a touching point, one of the samples of a contact patch, the touchdown and the lift-off point of a
 patch.
