@@ -10,10 +10,12 @@ import pytest
 from references import contact, planar
 from references.reference import Reference
 from scipy.special import ellipk
+from test_rough_supports import URDF, arrived, hanging
 from zoo_contact import rising
 
 from cable_ros import Equilibrium, Status, Tracker
 from cable_ros.bench.cases import Case, case_scene
+from cable_ros.scene import load_scene
 
 
 def at_the_end(case: Case, tolerance: float) -> list[Equilibrium]:
@@ -69,3 +71,22 @@ def test_touching_starts_where_the_free_arch_arrives() -> None:
         clear = reference.start[1] - pose["y"] - sag
         assert abs(clear) > 1e-4, "the ground stops too near to the arch to tell"
         assert bool(one.contacts) == (clear < 0.0)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("beside", [-0.3, 0.02], ids=["alone", "beside a hump"])
+@pytest.mark.parametrize("radius", [1e-3, 4e-3])
+def test_what_is_thinner_than_a_step_does_not_pass_through_the_cable(radius, beside, friction) -> None:
+    """A roller rises under a hanging cable, which may lie on a hump, in steps of 0.5 mm to 0.2 m."""
+    scene = hanging(friction, radius)
+    scene["obstacles"][1]["friction"] = friction
+    held = []
+    for poses in (1, 2, 20, 400):
+        tracker = Tracker(load_scene(scene, urdf=URDF), joint_limits="ignore")
+        for rise in np.linspace(-0.2, 0.0, poses + 1):
+            found = arrived(tracker, rise=rise, hump=beside)
+        assert found.status is Status.CONVERGED, found.message
+        assert "roller" in [contact.obstacle for contact in found.contacts], "it is above the cable"
+        held.append(found.end_wrench)
+    atol = (0.01 if friction else 1e-3) * np.abs(held[-1]).max()
+    np.testing.assert_allclose(held, np.broadcast_to(held[-1], (4, 6)), atol=atol)

@@ -684,13 +684,10 @@ def test_what_makes_no_sense_is_one_sentence_with_its_field(field):
     assert words in str(error.value)
 
 
-def test_friction_of_obstacles_and_rings_is_refused_together():
+def test_branches_of_a_cable_with_a_ring_are_not_listed():
     scene = mapping(START, END, supports=[support("ring", "a", 0.3, [0.3, 0, 0])], outer_diameter=0.01)
     scene["obstacles"] = [
         {"name": "g", "friction": 0.2, "plane": {"point": [0, 0, -3.0], "normal": [0, 0, 1]}}
     ]
-    with pytest.raises(SceneError, match="ring 'a' and friction of obstacles"):
-        load_scene(scene)
-    assert load_scene(scene | {"effects": ["weight", "contact"]})
     with pytest.raises(SceneError, match="cannot be listed yet"):
         branches(load_scene(scene | {"effects": ["weight", "contact"]}), {})

@@ -27,6 +27,9 @@ EXACT = 1e-3
 """Fraction of the tolerance at which the steps end."""
 RENEWED = 0.05
 """Motion of supports and sections, rad or parts of the length, after which stability is judged again."""
+PATIENT, SKEW, PROBE = 3, 0.1, 1e-4
+"""Of Broyden's method, with friction of obstacles: number of steps before a slow one asks for a new tangent,
+least part of a step that a change must answer to, and step of its differences, rad and L."""
 SWITCHES = 6
 """Maximum number of changes between sticking and sliding in one step."""
 HELD = 1e-6
@@ -66,6 +69,11 @@ class Balance:
         self.margin = np.nan
         for piece in self.pieces:
             piece.reset()
+
+    @property
+    def rubs(self) -> bool:
+        """Whether friction of obstacles may hold its pieces."""
+        return any(piece.rubs for piece in self.pieces)
 
     @property
     def arcs(self) -> np.ndarray:
@@ -178,12 +186,15 @@ class Balance:
         if not self._move(kinematics, joints, mounts, guess):
             return None
         tolerance = EXACT * self.pieces[0].tolerance
-        state, size, rate = guess, np.inf, SLOW
+        state, size, rate, rubs = guess, np.inf, SLOW, self.rubs
         age = ITERATIONS  # number of steps since the tangent was made
-        for iteration in range(ITERATIONS):
+        last = np.empty(0), np.empty(0)  # the step before and the residual from which it was made
+        for iteration in range(2 * ITERATIONS if rubs else ITERATIONS):
             free = self.free
             if self._inverse is None or len(self._inverse) != free.sum():
-                if not self._renew(mounts, state):
+                if not (
+                    self._probe(kinematics, joints, mounts, state) if rubs else self._renew(mounts, state)
+                ):
                     return None
                 age = 0
             assert self._inverse is not None
@@ -194,24 +205,43 @@ class Balance:
             new = self._size(step, ends)
             if not new <= FARTHEST:
                 return None
+            if iteration and rubs:
+                step[free] = self._secant(last[0][free], (residual - last[1])[free], residual[free])
+                new = self._size(step, ends)
+                if not new <= FARTHEST:
+                    return None
             if iteration:
                 rate = new / size
                 if rate > STALLED and new <= max(NOISE * self.pieces[0].tolerance, ROUNDING):
                     return state
-                if rate > STALLED and age <= 1:
+                if rate > STALLED and age <= 1 and not rubs:
                     return None
-            if iteration and rate > SLOW and age:
+            if iteration and rate > (STALLED if rubs else SLOW) and age > (PATIENT if rubs else 0):
                 self._inverse, size = None, np.inf
                 continue
             size = new
             if new <= tolerance:
                 return state
-            state, age = state.moved(step), age + 1
+            state, age, last = state.moved(step), age + 1, (step, residual)
             if not self._move(kinematics, joints, mounts, state):
                 return None
             if new * min(max(rate, 1e-3), 1.0) <= tolerance:
                 return state
         return None
+
+    def _secant(self, step: np.ndarray, change: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """The next step by Broyden's method (1965), after one that changed the residual, all (free,).
+
+        Where contact slips, the direction of friction depends on the step: the tangent does not know that.
+        """
+        assert self._inverse is not None
+        back = self._inverse @ change
+        weighed = step / np.tile([1.0, 1.0, 1.0, self.run.length**2], len(self._guides))[self.free]
+        size = float(weighed @ back)
+        if abs(size) > SKEW * float(weighed @ step):
+            self._inverse = self._inverse + np.outer(step - back, weighed @ self._inverse) / size
+        out: np.ndarray = -self._inverse @ residual
+        return out
 
     def _size(self, step: np.ndarray, ends: Sequence[Ends]) -> float:
         """Of a step (4 n,): largest rotation, rad, shift over the shortest length, or part of a wrench."""
@@ -235,6 +265,29 @@ class Balance:
     def _renew(self, mounts: np.ndarray, state: Shared) -> bool:
         """Invert the tangent at the pieces' present equilibria; whether it can be inverted."""
         return self._invert(assemble(self.tangent(mounts, state).sides(), self._push))
+
+    def _probe(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
+        """As `_renew`, by differences: the pieces' tangents do not know how slip turns friction."""
+        free = self.free
+        _, at = self._invert(assemble(self.tangent(mounts, state).sides(), self._push)), self._residual()
+        columns = np.empty((len(free), len(free)))
+        for k in np.flatnonzero(free):
+            step = np.zeros(len(free))
+            step[k] = PROBE * (self.run.length if k % PER == PER - 1 else 1.0)
+            if not self._move(kinematics, joints, mounts, state.moved(step)):
+                return False
+            columns[:, k] = (self._residual() - at) / step[k]
+        if not self._move(kinematics, joints, mounts, state):
+            return False
+        try:
+            self._inverse = np.linalg.inv(columns[np.ix_(free, free)])
+        except np.linalg.LinAlgError:
+            return False
+        return bool(np.isfinite(self._inverse).all())
+
+    def _residual(self) -> np.ndarray:
+        """(4 n,) of the supports' equations at the pieces' present equilibria."""
+        return residual_of([piece.ends() for piece in self.pieces], self._push)
 
     def _invert(self, system: System) -> bool:
         free = self.free

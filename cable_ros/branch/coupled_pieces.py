@@ -23,8 +23,9 @@ LONGEST = 0.2
 """Maximum step in joint values, rad or m, that is taken at once."""
 SHORTEST = 1e-4
 """Minimum step, rad or m; if even that fails, the cable snaps."""
-MOST_STEPS = 60
-"""Maximum number of steps of one solve."""
+MOST_STEPS, MOST_WORK = 60, 300_000
+"""Maximum number of steps of one solve; with friction of obstacles also maximum work, iterations times
+unknowns, after which no further one begins: about 0.6 s."""
 PATIENCE = 2
 """Number of poses in a row that it cannot be followed to, before an equilibrium is searched for again."""
 BEYOND = (1.0, 10.0, 100.0)
@@ -40,6 +41,7 @@ class CoupledPieces(Released):
         super().reset()
         self._waiting: list[np.ndarray] = []
         self._failures: int = 0
+        self._stride = LONGEST  # step in joint values that it goes on with, rad or m
         self._lost: str = ""
 
     def held(self, kinematics: Kinematics, joints: np.ndarray) -> np.ndarray:
@@ -85,8 +87,10 @@ class CoupledPieces(Released):
             if self._lost:
                 self.pieces[0].distrust(self._lost)
             return self._publish(kinematics, joints, mounts, "", begin, share)
-        route = [*self._waiting, joints] if self._friction.any() else [joints]
+        route = [*self._waiting, joints] if self._friction.any() or self.rubs else [joints]
         self._waiting, steps, snapped = [], 0, ""
+        for piece in self.pieces:
+            piece.worked = 0.0
         for k, there in enumerate(route):
             steps, told = self._follow(kinematics, there, steps)
             snapped = snapped or (told or "")
@@ -131,9 +135,10 @@ class CoupledPieces(Released):
         origin = self._joints
         distance = float(np.abs(joints - origin).max(initial=0.0))
         longest = LONGEST / max(distance, LONGEST)
-        at, step = 0.0, longest
+        at, step = 0.0, min(longest, self._stride / max(distance, 1e-300))
         while at < 1.0:
-            if steps >= MOST_STEPS:
+            if steps >= MOST_STEPS or (self.rubs and self._worked > MOST_WORK):
+                self._stride = step * distance
                 return steps, told
             target = min(1.0, at + step)
             there = joints if target == 1.0 else origin + target * (joints - origin)
@@ -145,6 +150,9 @@ class CoupledPieces(Released):
             if found is None and guess is not self.state:
                 self._return()
                 found = self._newton(kinematics, there, mounts, self.state)
+            distance_here = (target - at) * distance
+            if found is not None and any(piece.hasty for piece in self.pieces) and distance_here > SHORTEST:
+                found = None
             if found is not None and not self._stable(there, mounts, found):
                 found = None
             if found is not None:
@@ -154,6 +162,7 @@ class CoupledPieces(Released):
             self._return()
             step = 0.5 * (target - at)
             if step * distance < SHORTEST:
+                rubbed = any(piece.rubbing for piece in self.pieces)
                 before, shape = self._energy(kinematics.poses(self._joints)[self.which]), self.state
                 for reach in BEYOND:  # next to a fold nothing is exact
                     target = min(1.0, at + reach * step)
@@ -166,6 +175,8 @@ class CoupledPieces(Released):
                 else:
                     return steps, None
                 at, step = target, longest
+                if rubbed or any(piece.rubbing for piece in self.pieces):
+                    self.pieces[0].distrust("it snapped, and the friction of its contacts was forgotten")
                 if np.abs(shape.step_to(self.state).reshape(-1, PER)[:, :3]).max() < JUMP:
                     continue  # it goes on, steeply
                 after = self._energy(mounts)
@@ -173,9 +184,15 @@ class CoupledPieces(Released):
                     f"{Status.SNAPPED.sentence[:-1]} (energy {before:.4g} -> {after:.4g} J at"
                     f" {100.0 * target:.4g} % of the step)."
                 )
+        self._stride = LONGEST
         if not distance:
             self._joints = joints
         return steps, told
+
+    @property
+    def _worked(self) -> float:
+        """Iterations times unknowns since the solve began."""
+        return sum(piece.worked for piece in self.pieces)
 
     def _extrapolated(self, joints: np.ndarray) -> Shared:
         """The state there if it goes on as in the last step."""

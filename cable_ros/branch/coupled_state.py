@@ -42,7 +42,7 @@ class Shared(NamedTuple):
         poses = mounts.copy()
         _turn(mounts, self.turns, poses)
         cuts = [0.0, *self.arcs.tolist(), length]
-        return [Place(poses[i], cuts[i + 1] - cuts[i]) for i in range(len(poses))]
+        return [Place(poses[i], cuts[i + 1] - cuts[i], cuts[i]) for i in range(len(poses))]
 
 
 @njit(**LEAF_ENTRY)

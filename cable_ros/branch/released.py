@@ -40,12 +40,28 @@ class Released(Balance):
         return Status.NOT_CONVERGED, "No stable equilibrium was found as its supports were released.", 0
 
     def _snap(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> bool:
-        """Descend the energy from the last equilibrium to a stable one; whether one was found."""
+        """Descend the energy from the last equilibrium to a stable one; whether one was found.
+
+        Friction of obstacles is left out on the way, and begins at nothing.
+        """
+        assert self.state is not None
+        for piece in self.pieces:
+            piece.rub(False)
+        found = self._descended(kinematics, joints, mounts)
+        for piece in self.pieces:
+            piece.rub(True)
+        if found is not None:
+            self._accept(joints, found)
+            self._before = None
+        return found is not None
+
+    def _descended(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> Shared | None:
+        """The stable equilibrium that a descent from the last one ends at; None: none was found."""
         assert self.state is not None
         state, kept = self.state, self._kept
         self._inverse = self._judged_at = self._before = None
         if self._kept and not self._move(kinematics, joints, mounts, state, True):
-            return False
+            return None
 
         def energy() -> float:
             return self._energy(mounts, state)
@@ -73,10 +89,8 @@ class Released(Balance):
             found = self._let_slide(kinematics, joints, mounts)
         if found is None or not self._stable(joints, mounts, found):
             self._kept = kept
-            return False
-        self._accept(joints, found)
-        self._before = None
-        return True
+            return None
+        return found
 
     def _let_slide(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> Shared | None:
         """Let the cable slide in rings that do not hold it, until friction does; None: it slides too far.

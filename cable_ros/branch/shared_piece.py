@@ -18,14 +18,19 @@ from cable_ros.branch.searched_equilibrium import ALGEBRAIC
 from cable_ros.branch.snap_through import snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.active_set_rod import ActiveSetRod
-from cable_ros.contact.travel import travel
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
+from cable_ros.contact.lengthening import lengthen
+from cable_ros.contact.points import BEFORE, FRICTION
+from cable_ros.contact.travel import SHORTER, travel
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.held_rod import HeldRod
+from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.units import Units, relative
+from cable_ros.rod.without_contact import SAME
 from cable_ros.scene import Kinematics
 
 MOST_TURN = 0.35
@@ -57,6 +62,8 @@ class Place(NamedTuple):
     """(2, 7) of the sections or mounts at both ends, world."""
     length: float
     """m."""
+    begin: float = 0.0
+    """Arc length of the cable where it starts, m."""
 
 
 class Kept(NamedTuple):
@@ -69,6 +76,7 @@ class Kept(NamedTuple):
     contacts: tuple[np.ndarray, int, np.ndarray, np.ndarray] | None
     """See `ActiveSetRod.state`; None: no contact."""
     length: float
+    begin: float
     joints: np.ndarray
 
 
@@ -76,11 +84,19 @@ class SharedPiece(CableTracker):
     """One piece between two supports; it never looks for another branch by itself."""
 
     _length: float | None = None
+    _begin = 0.0
+    """Arc length of the cable where the piece starts, m."""
+    _rough = FRICTIONLESS
+    """The friction of its obstacles; `_model` is without as long as friction is left out."""
+    _origin: Kept | None = None
+    """The equilibrium since which friction opposes what moves."""
     _judged_length = np.nan
     """m, at which it was last known to be stable."""
     _turned = np.nan
     """Rotation, rad, after which its factors were renewed since the last result; inf: not known. NaN: they
     were not."""
+    worked = 0.0
+    """Iterations times unknowns since this was set to 0."""
     _spent = 0
     """Iterations since the last result."""
     _known_ends: tuple[tuple[object, ...], Ends] | None = None
@@ -94,6 +110,24 @@ class SharedPiece(CableTracker):
         if self._length is not None:
             properties = replace(properties, length=self._length)
         super()._use(properties)
+        self._rough = self._model
+
+    @property
+    def rubs(self) -> bool:
+        """Whether friction of obstacles may hold it."""
+        return self._model == COULOMB
+
+    @property
+    def rubbing(self) -> bool:
+        """Whether it touches something with friction."""
+        return self._rough == COULOMB and self._rod is not None and self._rod.touches
+
+    def rub(self, rubs: bool) -> None:
+        """Let friction hold it from here on, from nothing; or leave friction out."""
+        self._model, rod = self._rough if rubs else FRICTIONLESS, self._rod
+        if isinstance(rod, ActiveSetRod) and self._rough == COULOMB:
+            rod.points[: rod.count, FRICTION : BEFORE + 3] = 0.0
+            rod.use_friction(self._model)
 
     @property
     def length(self) -> float:
@@ -121,38 +155,57 @@ class SharedPiece(CableTracker):
         """A cold start as if its sections were clamped there."""
         self.reset()
         self.set_length(place.length)
-        self._judged_length = place.length
+        self.rub(False)
+        self._judged_length, self._begin = place.length, place.begin
         while True:
             found = self.solve(kinematics, 0, joints, place.poses, time.perf_counter())
             if found.status is not Status.UNFINISHED:
                 return found
 
     def keep(self) -> Kept:
-        """The present equilibrium, for `put_back`."""
+        """The present equilibrium, for `put_back`; friction opposes what moves since then."""
         rod = self._rod
         assert rod is not None
         contacts = rod.state() if isinstance(rod, ActiveSetRod) else None
-        return Kept(self._q, self._F, conditions_of(rod), rod.mesh, contacts, self.length, self._joints)
+        conditions, where = conditions_of(rod), (self.length, self._begin, self._joints)
+        self._origin = Kept(self._q, self._F, conditions, rod.mesh, contacts, *where)
+        return self._origin
 
     def put_back(self, kept: Kept) -> None:
         """Return to an equilibrium of the same rod."""
+        self._restore(kept)
+        self._stable()
+
+    def _restore(self, kept: Kept) -> None:
+        """`put_back` without new factors."""
         rod, there = self._rod, kept.conditions
         assert rod is not None
         self.set_length(kept.length)
+        self._origin, self._begin = kept, kept.begin
+        left = False
         if isinstance(rod, ActiveSetRod) and kept.contacts is not None:
+            left = rod.touches and not kept.contacts[1]
             rod.restore(kept.contacts, kept.mesh)
             rod.ready = False
         rod.set_conditions(there.qe, there.re, there.f, there.obstacles)
         self._q, self._F, self._joints = kept.q, kept.F, kept.joints
-        self._stable()
+        if left:
+            rod.refactor(self._q, self._F)  # its factors are those with contact
 
     def attempt(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
-        """Follow the branch to a place nearby in one step; if not, nothing has moved."""
-        rod, before = self._rod, self.length
+        """Follow the branch to a place nearby in one step; if not, nothing has moved.
+
+        With friction the step is one from where it was kept last: friction opposes the motion since then.
+        """
+        rod = self._rod
         assert rod is not None
+        if self.rubs:
+            assert self._origin is not None
+            self._restore(self._origin)
+        before = self.length
         longer = abs(place.length / self._judged_length - 1.0) > LENGTHENED
         kept = self.keep() if longer else None
-        self.set_length(place.length)
+        then = self._lengthen(rod, place)
         unit = self._units
         qe, re, f = relative(place.poses, rod.qe, self._weight, unit.length, unit.force)
         obstacles = self._placed(kinematics, joints, place.poses)
@@ -160,15 +213,18 @@ class SharedPiece(CableTracker):
             travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) <= rod.longest_step
         )
         if near and rod.chord(qe, re) < 1.0:
-            rod.work, rod.patience, rod.short = self._full_budget, 0, False
+            rod.work, rod.patience, rod.short, rod.trial = self._full_budget, 0, False, self.rubs
             for tolerance in (1.0, STALLED):
+                rod.then = then
                 code, iterations, q, F = rod.advance(
                     self._q, self._F, qe, re, f, tolerance * ALGEBRAIC * self.tolerance, MOST_TURN, obstacles
                 )
                 if code != warm_step.NOT_CONTRACTING:
                     break
+            rod.then, rod.trial = SAME, False
+            self.worked += self._full_budget - rod.work
             if code == warm_step.ADVANCED:
-                self._q, self._F, self._joints = q, F, joints
+                self._q, self._F, self._joints, self._begin = q, F, joints, place.begin
                 self._spent += iterations
                 if rod.rotation == 0.0:
                     self._turned = np.fmax(self._turned, rod.rotation_before)
@@ -179,7 +235,28 @@ class SharedPiece(CableTracker):
                     return True
                 self.put_back(kept)
                 return False
+        if self.rubs:
+            assert self._origin is not None
+            self._restore(self._origin)
         self.set_length(before)
+        return False
+
+    def _lengthen(self, rod: Rod, place: Place) -> tuple[float, float]:
+        """Take the length at another place; what its material was then, ratio and shift of `lengthen`."""
+        ratio, shift = self.length / place.length, (self._begin - place.begin) / place.length
+        self.set_length(place.length)
+        if not (self.rubs and isinstance(rod, ActiveSetRod)) or (ratio, shift) == SAME:
+            return SAME
+        self._F = lengthen(rod, self._F, ratio, shift)
+        return ratio, shift
+
+    @property
+    def hasty(self) -> bool:
+        """Whether the step to the present equilibrium has changed friction more than a step may."""
+        return self.rubs and self._rod is not None and self._rod.stride < SHORTER
+
+    def _onto_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
+        """Not between supports: a grid has one length."""
         return False
 
     def _stable(self) -> bool:
@@ -218,7 +295,7 @@ class SharedPiece(CableTracker):
         rod.work = self._full_budget
         found = snap_through(rod, self._q, self._F, there)
         if found is not None:
-            self._q, self._F, self._joints = found.q, found.F, joints
+            self._q, self._F, self._joints, self._begin = found.q, found.F, joints, place.begin
             self._spent += found.iterations
         return found is not None
 

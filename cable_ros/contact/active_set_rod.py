@@ -42,6 +42,7 @@ from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
+from cable_ros.rod.without_contact import SAME
 
 GOES = 1e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one."""
@@ -251,7 +252,8 @@ class ActiveSetRod(FixedSetRod):
             q, F, spent = self._reverse(q, F, re, tolerance, limit)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
-            last = q, F, self.f, self.obstacles, self.count, self.rows, self.ready, self.settled is q
+            known = self.ready, self.settled is q
+            last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then
             factors = self.A, self.L, self.pivots, Y, S
             friction = self.model, self.direction, self.presliding
             bubbles = end_bubbles(self.mesh.element.order)
@@ -262,6 +264,7 @@ class ActiveSetRod(FixedSetRod):
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned = warm_step.NOT_CONTRACTING, 0, False, np.inf
+        self.then = SAME
         self.spend(iterations)
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
@@ -270,7 +273,7 @@ class ActiveSetRod(FixedSetRod):
             distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
             farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
-            if leaps or (self.stride < SHORTER and distance > FRICTION_LEAST):
+            if not self.trial and (leaps or (self.stride < SHORTER and distance > FRICTION_LEAST)):
                 code = warm_step.TOO_FAR
         if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):
             code = warm_step.TOO_FAR

@@ -95,6 +95,10 @@ class Last(NamedTuple):
     """Whether the factors are those of this equilibrium, or of an earlier one with the same rows."""
     known: bool
     """Whether its gradient is still there."""
+    ratio: float
+    """The cable's length then over that now."""
+    shift: float
+    """Arc length now, L, of what was the cable's start."""
 
 
 class Options(NamedTuple):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, LEAF, njit
+from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.contact_state import shape_of, surface
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, gap
 from cable_ros.contact.interfaces import LEVEL, gap_at, lowest
@@ -241,6 +241,37 @@ def passage(q_old, shape, samples, old_obstacles, obstacles, phi):
     return passed(old_c, (c, h, s0), samples, old_obstacles, obstacles, phi)
 
 
+@njit(**LEAF_ENTRY)
+def could_pass(q, q_new, old_obstacles, obstacles):
+    """Whether a step moves the cable so far beside an obstacle that it might pass through the thinnest one.
+
+    Args:
+        q, q_new: (n, 4) nodal frames before and after, of the same nodes or nearly so.
+        old_obstacles, obstacles: (o, WIDTH) before and after the step.
+    """
+    turn, width, most = 0.0, np.inf, 0.0
+    for i in range(q.shape[0]):
+        same, opposite = 0.0, 0.0
+        for a in range(4):
+            same += (q[i, a] - q_new[i, a]) ** 2
+            opposite += (q[i, a] + q_new[i, a]) ** 2
+        turn = max(turn, 2.0 * np.sqrt(min(same, opposite)))
+    for o in range(obstacles.shape[0]):
+        new, old = obstacles[o], old_obstacles[o]
+        for k in range(DIMENSIONS, OFFSET):
+            if new[k] > 0.0:
+                width = min(width, new[k] + new[OFFSET])
+        shift, tilt, size = 0.0, 0.0, 0.0
+        for i in range(CENTRE, AXES):
+            shift += (new[i] - old[i]) ** 2
+            size += old[i] ** 2
+        for i in range(AXES, DIMENSIONS):
+            tilt += (new[i] - old[i]) ** 2
+        most = max(most, np.sqrt(shift) + np.sqrt(tilt) * (1.0 + np.sqrt(size)))
+    # no section moves farther than the largest rotation times the length before it
+    return turn + most > width
+
+
 @njit(**OPTIONS)
 def passed(old_c, curves, samples, old_obstacles, obstacles, phi):
     """`passage` from the centreline old_c to another one, given with lengths and starts of the elements."""
@@ -250,6 +281,7 @@ def passed(old_c, curves, samples, old_obstacles, obstacles, phi):
     count = samples.shape[0]
     now, before = np.empty((count, 3)), np.empty((count, 3))
     farthest, reach = 0.0, 0.0
+    beside = 0.5 * (samples[1] - samples[0])  # what is nearest may be between two samples
     for k in range(1, count - 1):
         position(c, h, s0, samples[k], now[k])
         position(old_c, h, s0, samples[k], before[k])
@@ -285,7 +317,7 @@ def passed(old_c, curves, samples, old_obstacles, obstacles, phi):
                     v -= old[AXES + 3 * j + i] * (before[k, j] - old[CENTRE + j])
                 motion += v * v
             motion = np.sqrt(motion)
-            crossed = crossed or (motion > width + new[OFFSET] and phi[o, k] < motion)
+            crossed = crossed or (motion > width + new[OFFSET] and phi[o, k] < motion + beside)
     return smallest, crossed
 
 

@@ -111,7 +111,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     """
     last, section, grid, contacts = Last(*last), Section(*section), grid_of(grid), ContactSet(*contacts)
     kkt, options = kkt_of(kkt), Options(*options)
-    q, F, f_old, obstacles_old, count, total_rows, ready, known = last
+    q, F, f_old, obstacles_old, count, total_rows, ready, known, ratio, shift = last
     q_new, F_new = new
     qe, re, f = conditions
     h, s0, tables = grid
@@ -141,8 +141,11 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     else:
         old = Shape(q, old_c, grid)
         close_strained_curve(old, (F, f_old), contacts, count, strain.compliance, bubbles, closed)
+    old_h, old_s0 = h.copy(), s0.copy()
+    if ratio != 1.0 or shift != 0.0:
+        lengthen((old_c, closed, old_h, old_s0), ratio, shift)
     history = History(
-        model, options.direction, options.presliding, old_c, closed, h.copy(), s0.copy(), last.obstacles
+        model, options.direction, options.presliding, old_c, closed, old_h, old_s0, last.obstacles
     )
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
@@ -268,6 +271,26 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             return ADVANCED, total, count, total_rows, moved, 0.0 if fresh else rotation, foreseen
         size, rate, holds = 0.0, 0.0, False
     return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
+
+
+@njit(**LEAF)
+def lengthen(curves, ratio, shift):
+    """Tell where the cable was in units of another length, by the arc lengths that its material has now.
+
+    Args:
+        curves: `History`'s c, closed, h and s0, overwritten.
+        ratio, shift: of `Last`.
+    """
+    c, closed, h, s0 = curves
+    for e in range(h.shape[0]):
+        h[e] *= ratio
+        s0[e] = ratio * s0[e] + shift
+        for k in range(c.shape[1]):
+            for a in range(c.shape[2]):
+                c[e, k, a] *= ratio
+        for k in range(closed.shape[1]):
+            for a in range(3):
+                closed[e, k, a] *= ratio
 
 
 @njit(**LEAF)

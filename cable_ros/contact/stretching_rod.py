@@ -43,12 +43,14 @@ class StrainingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
         super().__init__(mesh, stiffness, natural, tolerance, density, compliance=compliance)
 
     def _passage(
-        self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray
-    ) -> tuple[float, bool]:
+        self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, before: np.ndarray,
+        obstacles: np.ndarray,
+    ) -> tuple[float, bool]:  # fmt: skip
         self.trace(q, F)
-        before = self.c.copy()
+        was = self.c.copy()
         self.trace(q_new, F_new)
-        return passed(before, (self.c, self.h, self.s0), self.samples, self.obstacles, obstacles, self.phi)
+        curves, phi = (self.c, self.h, self.s0), self.phi[: len(obstacles)]
+        return passed(was, curves, self.samples, before, obstacles, phi)
 
 
 class StretchingTouchingRod(StrainingTouchingRod):

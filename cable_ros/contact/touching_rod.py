@@ -11,12 +11,12 @@ import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.friction_kernels import COULOMB
-from cable_ros.contact.gap_search import passage
+from cable_ros.contact.gap_search import could_pass, passage
 from cable_ros.contact.meshing import CLOSEST
 from cable_ros.contact.patch_ends import join
 from cable_ros.contact.patches import resample
 from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead
-from cable_ros.contact.points import BEFORE, FORCE, INTERFACE
+from cable_ros.contact.points import BEFORE, FORCE, INTERFACE, OBSTACLE
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
@@ -114,7 +114,7 @@ class TouchingRod(ActiveSetRod):
             code, iterations, q_new, F_new = super().advance(q, F, qe, re, f, tolerance, limit)
             if code != warm_step.ADVANCED:
                 return code, iterations, q_new, F_new
-            clearance, crossed = self._passage(q, F, q_new, F_new, obstacles)
+            clearance, crossed = self._passage(q, F, q_new, F_new, self.obstacles, obstacles)
             near = clearance <= 0.5 * self.spacing
             if not near or (clearance > -self.depth and not self._dips(q_new, obstacles)):
                 if crossed:
@@ -123,10 +123,19 @@ class TouchingRod(ActiveSetRod):
                 self.obstacles = obstacles
                 return code, iterations, q_new, F_new
             self.set_conditions(*before)
+        known, mesh, there = self.state(), self.mesh, (self.qe, self.re, self.f, self.obstacles)
+        held = self._normals()
         result = self.step_in_contact(q, F, qe, re, f, tolerance, limit, obstacles)
-        if result[0] == warm_step.ADVANCED:
+        if result[0] != warm_step.ADVANCED:
+            result = self._instead(q, F, qe, re, f, limit, obstacles, result)
+        if result[0] != warm_step.ADVANCED:
             return result
-        return self._instead(q, F, qe, re, f, limit, obstacles, result)
+        if not self._passed_in_contact(q, F, *result[2:], mesh, there[3], held):
+            return result
+        self.restore(known, mesh)
+        self.set_conditions(*there)
+        self.ready = False
+        return warm_step.TOO_FAR, *result[1:]
 
     def _instead(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, limit: float,
@@ -135,11 +144,42 @@ class TouchingRod(ActiveSetRod):
         """What takes the place of a step that failed."""
         return descend_instead(self, q, F, qe, re, f, limit, obstacles, failed)
 
+    def _passed_in_contact(self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray,
+                           mesh: Mesh, before: np.ndarray, held: dict[int, np.ndarray]) -> bool:  # fmt: skip
+        """Whether a step in contact may have led through an obstacle.
+
+        One that it did not touch before, or does not touch any more, or touches from another side.
+
+        Args:
+            q, F, q_new, F_new: nodal frames (n, 4) and end force (3,) before and after.
+            mesh, before: the mesh before, and the obstacles (o, WIDTH).
+            held: by obstacle, a normal (3,) at which it touched before.
+        """
+        assert self.obstacles is not None
+        if len(q) == len(q_new) and not could_pass(q, q_new, before, self.obstacles):
+            return False
+        now = self._normals()
+        if any(o in held and held[o] @ n < 0.0 for o, n in now.items()):
+            return True
+        free = np.setdiff1d(np.arange(len(before)), [o for o in now if o in held])
+        shape = mesh.interpolate(q, self.mesh.nodes)
+        return self._passage(shape, F, q_new, F_new, before[free], self.obstacles[free])[1]
+
+    def _normals(self) -> dict[int, np.ndarray]:
+        """By obstacle that it touches, the normal (3,) at a contact point."""
+        which = self.points[: self.count, OBSTACLE].astype(int).tolist()
+        return dict(zip(which, self.normals[: self.count].copy(), strict=True))
+
     def _passage(
-        self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray
-    ) -> tuple[float, bool]:
-        """`gap_search.passage` of a step without contact from (q, F) to (q_new, F_new)."""
-        return passage(q, self.shape(q_new), self.samples, self.obstacles, obstacles, self.phi)
+        self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, before: np.ndarray,
+        obstacles: np.ndarray,
+    ) -> tuple[float, bool]:  # fmt: skip
+        """`gap_search.passage` of a step from (q, F) to (q_new, F_new).
+
+        `before`, `obstacles`: (o, WIDTH), which the step leads past.
+        """
+        phi = self.phi[: len(obstacles)]
+        return passage(q, self.shape(q_new), self.samples, before, obstacles, phi)
 
     def take_contacts(self, other: TouchingRod, scale: float = 1.0) -> None:
         """Take over mesh, contact points and friction of another rod; `scale` as in `variant`."""

@@ -12,6 +12,10 @@ from cable_ros.rod.loaded_contacts import LoadedContacts
 NOTHING = np.zeros(3)
 
 
+SAME = 1.0, 0.0
+"""See `WithoutContact.then`; of a cable that does not slide through what holds its ends."""
+
+
 class WithoutContact:
     """The part of `Rod` that rods in contact replace, see `contact`."""
 
@@ -56,6 +60,13 @@ class WithoutContact:
 
     stride = 2.0
     """Length of the next step over that of the last, as friction allows."""
+
+    then = SAME
+    """Of the next step: the cable's length at the last equilibrium over that now, and the arc length now, L,
+    of what was its start."""
+
+    trial = False
+    """Whether a step may change friction more than `stride` allows: who asks for it judges that."""
 
     forgot = False
     """Whether a descent has lost friction's history."""

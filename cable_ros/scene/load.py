@@ -147,7 +147,7 @@ def load_scene(
     if obstacles:
         _check_strain_with_contact(top, cables, obstacles, friction_model, effects)
         _check_clamps_with_contact(top, cables, effects)
-        _check_friction_with_supports(top, cables, obstacles, effects)
+        _check_friction_with_supports(top, cables, obstacles, friction_model, effects)
     cable_contact, cable_friction = _cable_contact(top, effects)
     if cable_contact:
         _check_cable_contact(top, cables, obstacles, effects)
@@ -192,17 +192,21 @@ def _check_clamps_with_contact(top: Section, cables: list[Cable], effects: str |
 
 
 def _check_friction_with_supports(
-    top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], effects: str | tuple[str, ...]
-) -> None:
-    """What pieces beside a pin, ring or tube share is found by iteration, which friction would remember."""
+    top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], friction_model: str,
+    effects: str | tuple[str, ...],
+) -> None:  # fmt: skip
+    """Friction by the end's motion knows no ends that turn and slide."""
+    if friction_model != "sliding":
+        return
     if not (isinstance(effects, str) or "friction" in effects) or not any(one.friction for one in obstacles):
         return
     for i, cable in enumerate(cables):
         for support in cable.supports:
             if support.couples:
                 top.fail(
-                    f"the {support.kind} '{support.name}' and friction of obstacles cannot be combined yet; "
-                    "leave 'friction' of the obstacles out, or let 'effects' list what there is without it",
+                    f"the {support.kind} '{support.name}' and friction_model sliding cannot be combined; "
+                    "choose coulomb, leave 'friction' of the obstacles out, or let 'effects' list what there "
+                    "is without it",
                     f"cables[{i}].supports",
                 )
 
