@@ -154,6 +154,9 @@ class Coupled(Protocol):
     def response(self, obstacles: Sequence[str]) -> np.ndarray:
         """See `branch.coupled_tangent.CoupledTangent.response`."""
 
+    def modes(self, count: int, places: Sequence[np.ndarray]) -> Modes:
+        """The `count` lowest, with shapes at the `places`: arc lengths on each piece, parts of its length."""
+
 
 class Linearised(Protocol):
     """The linearised equations about an equilibrium."""
@@ -292,8 +295,9 @@ class Equilibrium:
 
         Small vibrations without damping, by a consistent mass matrix of the mass per length; of sections'
         own inertia see `rod.vibration`. Contacts go on pressing and what sticks sticks; what slips is free
-        to slide, so that the frequencies are those of the least that holds the cable. NaN where it is
-        friction alone that makes it stable, and where a cable that stretches touches something. Takes
+        to slide, in rings, too, so that the frequencies are those of the least that holds the cable. Pieces
+        between pins, rings and tubes vibrate together. NaN where it is friction alone that makes it stable,
+        where a cable touches another one, stretches where it rubs, or shears where it touches. Takes
         milliseconds, on a grid of contacts a second.
         """
         if self._tangent is None:

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_ros.branch.coupled_modes import coupled_modes
 from cable_ros.branch.coupling import PER, Ends, Side, assemble
-from cable_ros.equilibrium import Linearised, Modes
+from cable_ros.branch.modes import no_modes
+from cable_ros.branch.results import Tangent
+from cable_ros.equilibrium import Modes
 from cable_ros.linalg.cross import cross_matrix
 
 
@@ -18,7 +21,7 @@ class Turned:
 
     __slots__ = ("inner", "turn")
 
-    def __init__(self, inner: Linearised, turns: np.ndarray) -> None:
+    def __init__(self, inner: Tangent, turns: np.ndarray) -> None:
         """Of `inner`; `turns` (2, 3, 3): its sections' axes in its mounts' frames."""
         self.inner = inner
         self.turn = np.zeros((12, 12))
@@ -35,7 +38,7 @@ class Turned:
 
     def modes(self, count: int, points: int) -> Modes:
         """Of a piece alone there are none."""
-        return Modes(np.full(count, np.nan), np.full((count, points, 3), np.nan))
+        return no_modes(count, points, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,22 @@ class CoupledTangent:
             Side.of(ends, piece.inner.wrench_response(obstacles), load, by_end=i < last)
             for i, (ends, piece, load) in enumerate(zip(self.ends, self.pieces, self.loads, strict=True))
         ]
+
+    def modes(self, count: int, places: Sequence[np.ndarray]) -> Modes:
+        """The `count` lowest of all pieces together; see `coupled_modes`.
+
+        A ring that slides against friction is free to slide. NaN if they are not known.
+        """
+        pieces, points = [piece.inner.piece() for piece in self.pieces], sum(len(at) for at in places)
+        if not pieces[0].density:
+            return no_modes(count, points, np.inf)
+        K = assemble(self.sides(), np.zeros(len(self.friction))).tangent[np.ix_(self.free, self.free)]
+        if np.isfinite(K).all():
+            try:
+                return coupled_modes(pieces, self.ends, K, self.free, count, places)
+            except np.linalg.LinAlgError:
+                pass
+        return no_modes(count, points, np.nan)
 
     def response(self, obstacles: Sequence[str]) -> np.ndarray:
         """(12 (n + 1) + 6 k, same) derivative of all pieces' wrenches, then of those on k obstacles.

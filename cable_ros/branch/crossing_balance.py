@@ -119,6 +119,11 @@ class CrossedTangent:
         out: np.ndarray = system.held - system.spread @ np.linalg.solve(system.tangent, system.pushed)
         return out
 
+    def modes(self, count: int, places: Sequence[np.ndarray]) -> Modes:
+        """None are known: cables that touch vibrate together."""
+        points = sum(len(at) for at in places)
+        return Modes(np.full(count, np.nan), np.full((count, points, 3), np.nan))
+
 
 class OneOf:
     """The linearised equations of one cable that touches others; implements `equilibrium.Linearised`."""

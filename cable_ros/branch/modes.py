@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
-from cable_ros.contact.distance import FRICTION_COEFFICIENT, across, gap
+from cable_ros.branch.contact_supports import contact_supports
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.points import ARC_LENGTH, FORCE, OBSTACLE, SLIPS
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.equilibrium import Modes
 from cable_ros.linalg.bordered import NEUTRAL
@@ -16,16 +18,38 @@ from cable_ros.rod import quaternion
 from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
-from cable_ros.rod.vibration import Motion, dense, lowest, mass, motion, strain_stiffness
+from cable_ros.rod.vibration import (
+    Motion,
+    dense,
+    follow,
+    kernel,
+    lowest,
+    mass,
+    motion,
+    strain_stiffness,
+)
 
-RIGID = 1e6
-"""Minimum stiffness, EI / L^3, of a contact that counts as rigid."""
-PAIR = 2
-"""Maximum number of neighbouring contacts on a grid that are one contact point; more are a patch."""
-FLAT = 1e-9
-"""Minimum curvature, 1 / L, of a gap along the cable."""
-Support = tuple[np.ndarray, np.ndarray]
-"""Constraint rows (r, N) of rigid contacts, and the stiffness (N, N) of the others."""
+Found = tuple[np.ndarray, np.ndarray]
+"""Angular frequencies (k,) and modes (N, k)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Vibrating:
+    """One rod about its equilibrium, what it touches included; units of the cable, start clamp's frame.
+
+    Its N unknowns are those of a loose `Motion`.
+    """
+
+    moved: Motion
+    H: np.ndarray
+    """(N, N) Hessian, with the stiffness of what gives way under contacts."""
+    neutral: np.ndarray
+    """(N, N) what is added to it for a cable that turns freely."""
+    rows: np.ndarray
+    """(r, N) constraints of the ends, then of contacts."""
+    by_mounts: np.ndarray
+    """(r, 12) what the constraints are by motions of the mounts: translation and rotation of the start, then
+    of the end, along the axes of the sections there."""
 
 
 def modes(
@@ -44,24 +68,31 @@ def modes(
     """
     if not density:
         return no_modes(count, points, np.inf)
-    if rod.touches and rod.compliance.any():
+    if unknown(rod):
         return no_modes(count, points, np.nan)
-    moved, H, rows = _problem(rod, q, F)
-    M, n = mass(moved), len(rod.elastic)
-    try:
-        omega, vectors = lowest(H, M, rows, count)
-    except np.linalg.LinAlgError:
-        # a cable that turns freely is stable with a little more stiffness
-        H[:n, :n] += NEUTRAL * dense(rod.elastic)
+    own = vibrating(rod, q, F)
+    M, Z = mass(own.moved), kernel(own.rows)
+
+    def solve(H: np.ndarray) -> Found:
+        omega, vectors = lowest(Z.T @ H @ Z, Z.T @ M @ Z, count)
+        return omega, Z @ vectors
+
+    found = stiffened(solve, own)
+    if found is None:
+        return no_modes(count, points, np.nan)
+    shapes = displacements(own.moved, found[1], np.linspace(0.0, 1.0, points), start)
+    scale = np.sqrt(unit.stiffness / density) / unit.length**2
+    return Modes(found[0] / (2.0 * np.pi) * scale, normalised(shapes))
+
+
+def stiffened(solve: Callable[[np.ndarray], Found], own: Vibrating) -> Found | None:
+    """`solve` of the Hessian; a cable that turns freely is stable with a little more stiffness. None: not."""
+    for H in (own.H, own.H + own.neutral):
         try:
-            omega, vectors = lowest(H, M, rows, count)
+            return solve(H)
         except np.linalg.LinAlgError:
-            return no_modes(count, points, np.nan)
-    turn = quaternion.matrix_from_ros(start[3:])
-    shapes = np.einsum("ab,sbn,nk->ksa", turn, moved.at(np.linspace(0.0, 1.0, points)), vectors)
-    largest = np.linalg.norm(shapes, axis=2).max(axis=1)
-    shapes /= np.where(largest > 0.0, largest, 1.0)[:, None, None]
-    return Modes(omega / (2.0 * np.pi) * np.sqrt(unit.stiffness / density) / unit.length**2, shapes)
+            continue
+    return None
 
 
 def no_modes(count: int, points: int, frequency: float) -> Modes:
@@ -69,134 +100,88 @@ def no_modes(count: int, points: int, frequency: float) -> Modes:
     return Modes(np.full(count, frequency), np.full((count, points, 3), np.nan))
 
 
-def _problem(rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Motion, np.ndarray, np.ndarray]:
-    """The rod's kinematics, its Hessian (N, N), and the constraint rows (r, N) of clamps and contacts."""
+def displacements(moved: Motion, vectors: np.ndarray, at: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """(k, m, 3) displacement along the world's axes by the unknowns (N, k) at the arc lengths `at` (m,), L.
+
+    `start`: see `modes`.
+    """
+    turn = quaternion.matrix_from_ros(start[3:])
+    return np.asarray(np.einsum("ab,sbn,nk->ksa", turn, moved.at(at), vectors))
+
+
+def normalised(shapes: np.ndarray) -> np.ndarray:
+    """The shapes (k, m, 3) so that the largest displacement of each mode is 1."""
+    largest = np.linalg.norm(shapes, axis=2).max(axis=1, initial=0.0)
+    return np.asarray(shapes / np.where(largest > 0.0, largest, 1.0)[:, None, None])
+
+
+def unknown(rod: Rod) -> bool:
+    """Whether a loaded contact is of a kind whose frequencies are not known.
+
+    Where a cable that stretches rubs, what rolls along it creeps, to one side otherwise than back. A cable
+    that shears touches with a kink, at no single point.
+    """
+    if not (rod.compliance.any() and rod.touches):
+        return False
+    if isinstance(rod, TouchingRod) and not rod.compliance[:2].any():
+        return rod.model == COULOMB and bool(rod.rough().any())
+    return not isinstance(rod, NodalRod) or bool(rod.compliance[:2].any() or rod.state.tau.any())
+
+
+def vibrating(rod: Rod, q: np.ndarray, F: np.ndarray) -> Vibrating:
+    """The rod at an equilibrium with the nodal frames q (n, 4) and the end force F (3,)."""
     rod.refactor(q, F)
     compliance = rod.compliance
-    gauss = rod.s0[:, None] + rod.h[:, None] * rod.mesh.element.points
-    moved = motion(q, rod.mesh, compliance, F + (1.0 - gauss)[:, :, None] * rod.f)
+    moved = motion(q, rod.mesh, compliance, _internal_forces(rod, F)).loose()
     n, size = len(rod.elastic), moved.starts.shape[2]
-    H = np.zeros((size, size))
+    H, neutral = np.zeros((size, size)), np.zeros((size, size))
     H[:n, :n] = dense(rod.elastic + rod.geometric)
-    if size > n:
-        H[range(n, size), range(n, size)] = strain_stiffness(rod.mesh, compliance)
-    rows, stiffness = _contacts(rod, moved)
-    H += stiffness
-    if isinstance(rod, HeldRod):
-        moved, clamps = _held(rod, moved)
-    else:
-        clamps = np.zeros((6, size))
-        clamps[range(6), [*range(3), *range(n - 3, n)]] = 1.0
-        clamps = np.concatenate([clamps, moved.starts[-1]])
-    return moved, H, np.concatenate([clamps, rows])
+    neutral[:n, :n] = NEUTRAL * dense(rod.elastic)
+    strains = range(n, size - 3)
+    H[strains, strains] = strain_stiffness(rod.mesh, compliance)
+    contacts, stiffness = contact_supports(rod, moved)
+    ends, by_mounts = _ends(rod, q, moved)
+    rows = np.concatenate([ends, contacts])
+    given = np.concatenate([by_mounts, np.zeros((len(contacts), 12))])
+    return Vibrating(moved, H + stiffness, neutral, rows, given)
 
 
-def _held(rod: HeldRod, moved: Motion) -> tuple[Motion, np.ndarray]:
-    """The kinematics in which a free or sliding start moves, and the rows of what the ends hold."""
-    held, start = np.flatnonzero(rod.free_rotations == 0.0), rod.ends.start
-    rotations = np.zeros((len(held), moved.starts.shape[2]))
-    rotations[range(len(held)), held] = 1.0
-    gap = moved.starts[-1]
-    if not start.held:
-        along = np.eye(3) - rod.projector
-        moved = moved._replace(starts=moved.starts - along @ gap)
-    return moved, np.concatenate([rotations, rod.projector @ gap])
+def followed(own: Vibrating, Z: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    """(N, k) how the rod follows slow motions (12, k) of its mounts; Z: `kernel` of its rows.
 
-
-def _contacts(rod: Rod, moved: Motion) -> Support:
-    """The support by loaded contacts, in the rod's unknowns: they stay loaded, and sticking ones stick."""
-    size = moved.starts.shape[2]
-    if isinstance(rod, TouchingRod) and rod.count:
-        return _active_set(rod, moved)
-    if isinstance(rod, NodalRod) and rod.touches:
-        return _grid(rod, moved)
-    return np.zeros((0, size)), np.zeros((size, size))
-
-
-def _grid(rod: NodalRod, moved: Motion) -> Support:
-    """The support by contacts at fixed material points: patches, and short runs that are one point each."""
-    boundaries, obstacles, springs = rod.contact_stiffness()
-    values, axes = np.linalg.eigh(springs)
-    number = {pair: i for i, pair in enumerate(zip(boundaries.tolist(), obstacles.tolist(), strict=True))}
-    pressure, J = rod.state.lam, moved.starts
-    rows, stiffness = [np.zeros((0, J.shape[2]))], [np.zeros(0)]
-    for o in range(pressure.shape[1]):
-        for run in _runs(np.flatnonzero(pressure[:, o] > 0.0)):
-            if len(run) <= PAIR:
-                i = number[int(run[np.argmax(pressure[run, o])]), o]
-                more = _one_point(rod, moved, run, o, values[i], axes[i])
-                rows += more[0]
-                stiffness += more[1]
-                continue
-            for k in run.tolist():
-                i = number[k, o]
-                rows.append(axes[i].T @ J[k])
-                stiffness.append(values[i])
-    every, values = np.concatenate(rows), np.concatenate(stiffness)
-    rigid = values > RIGID
-    soft = every[~rigid]
-    return every[rigid], (soft.T * values[~rigid]) @ soft
-
-
-def _one_point(
-    rod: NodalRod, moved: Motion, run: np.ndarray, o: int, values: np.ndarray, axes: np.ndarray
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Rows (r, N) and stiffnesses (r,) of neighbouring contacts that are one contact point between them.
-
-    The point moves along the cable to the gap's minimum, which gives the slope there a finite stiffness. Two
-    separate constraints would fix the slope.
-
-    Args:
-        rod, moved: see `modes`.
-        run: (1 or 2,) the boundaries with these contacts.
-        o: the obstacle.
-        values, axes: (3,), (3, 3) stiffnesses, and axes in columns, of the contact with the larger force.
+    Raises:
+        LinAlgError: it cannot follow, as one that is straight cannot be pulled.
     """
-    force = rod.state.lam[run, o]
-    whole = float(force.sum())
-    share = force / whole
-    across = axes.T @ np.einsum("k,kan->an", share, moved.starts[run])
-    slopes, curvatures = zip(*(_slope(rod, moved, int(k), o) for k in run), strict=True)
-    # the spring of one contact carries its own force only
-    springs = np.where(values > RIGID, values, values * whole / force.max())
-    tilt = np.array([whole / max(float(share @ np.array(curvatures)), FLAT)])
-    return [across, (share @ np.array(slopes))[None]], [springs, tilt]
+    return follow(own.H, own.rows, own.by_mounts @ motions, Z)
 
 
-def _runs(at: np.ndarray) -> list[np.ndarray]:
-    """The runs of consecutive numbers in `at` (k,), which is sorted."""
-    return [run for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if len(run)]
+def _internal_forces(rod: Rod, F: np.ndarray) -> np.ndarray:
+    """(m, g, 3) at the Gauss points, under the end force F (3,)."""
+    points = rod.mesh.element.points
+    if rod.touches and isinstance(rod, NodalRod):
+        return np.repeat(rod.state.F[:, None], len(points), axis=1)
+    if rod.touches and rod.compliance.any() and isinstance(rod, TouchingRod):
+        return rod.strain[1]
+    gauss = rod.s0[:, None] + rod.h[:, None] * points
+    return np.asarray(F + (1.0 - gauss)[:, :, None] * rod.f)
 
 
-def _slope(rod: NodalRod, moved: Motion, k: int, o: int) -> tuple[np.ndarray, float]:
-    """Of the gap to obstacle o along the cable at boundary k: its slope's derivative (N,), its curvature."""
-    assert rod.obstacles is not None
-    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
-    gap(rod.obstacles[o], rod.state.r[k], n, directions, bends)
-    node = k * rod.mesh.element.order
-    before, t, after = quaternion.tangents(rod.state.q[node - 1 : node + 2])
-    turned = (after - before) / float(rod.mesh.nodes[node + 1] - rod.mesh.nodes[node - 1])
-    along = (bends * (directions @ t)) @ directions
-    first = quaternion.rotate(rod.state.q[node], np.array([1.0, 0.0, 0.0]))
-    row = along @ moved.starts[k]
-    row[3 * node : 3 * node + 2] += np.cross(first, t) @ n, first @ n
-    return row, float(n @ turned + along @ t)
-
-
-def _active_set(rod: TouchingRod, moved: Motion) -> Support:
-    """The support by contact points: `assembly.assemble_kkt` without the end position, and stick."""
-    size = moved.starts.shape[2]
-    V, delta = rod.V[3 : rod.rows], rod.delta[3 : rod.rows]
-    soft = np.abs(delta) > 1.0 / RIGID
-    stiffness = (V[soft].T / delta[soft]) @ V[soft]
-    points = rod.points[: rod.count]
-    assert rod.obstacles is not None
-    rough = rod.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT] > 0.0
-    sticks = np.flatnonzero(rough & (points[:, FORCE] > 0.0) & (points[:, SLIPS] == 0.0))
-    rows = [V[~soft]]
-    if rod.model == COULOMB and len(sticks):
-        directions = np.empty((2, 3))
-        for i, J in zip(sticks, moved.at(points[sticks, ARC_LENGTH]), strict=True):
-            across(rod.normals[i], directions)
-            rows.append(directions @ J)
-    return np.concatenate(rows), stiffness if soft.any() else np.zeros((size, size))
+def _ends(rod: Rod, q: np.ndarray, moved: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """What the ends hold: rows (r, N), and what they are by motions of the mounts (r, 12)."""
+    n, size = 3 * len(q), moved.starts.shape[2]
+    turns = quaternion.matrices_from_ros(quaternion.to_ros(q[[0, -1]]))
+    start, end = moved.starts[0], moved.starts[-1]
+    at_start, at_end = np.zeros((3, 12)), np.zeros((3, 12))
+    at_start[:, :3], at_end[:, 6:9] = turns
+    held, projector, start_held = [*range(3), *range(n - 3, n)], np.eye(3), True
+    if isinstance(rod, HeldRod):
+        held = np.flatnonzero(rod.free_rotations == 0.0).tolist()
+        projector, start_held = rod.projector, rod.ends.start.held
+    rotations, given = np.zeros((len(held), size)), np.zeros((len(held), 12))
+    rotations[range(len(held)), held] = 1.0
+    given[range(len(held)), [3 + k if k < 3 else 12 - n + k for k in held]] = 1.0
+    # an end that is not held across all directions is held along those of the projector
+    pairs = [(start, at_start), (end, at_end)]
+    (whole, by_whole), (part, by_part) = pairs if start_held else pairs[::-1]
+    rows = np.concatenate([rotations, whole, projector @ part])
+    return rows, np.concatenate([given, by_whole, projector @ by_part])

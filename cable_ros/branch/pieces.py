@@ -184,21 +184,44 @@ class Together:
         return out
 
     def modes(self, count: int, points: int) -> Modes:
-        """See `Equilibrium.modes`; each is a vibration of one piece. NaN if pieces move each other."""
-        frequencies, shapes = [], []
-        if any(one._coupled is not None for one in self._found):
-            return Modes(np.full(count, np.nan), np.full((count, points, 3), np.nan))
+        """See `Equilibrium.modes`; each is a vibration of one piece, or of those that move each other."""
         at = self._cuts[-1] * np.linspace(0.0, 1.0, points)
-        for (s, end), one in zip(itertools.pairwise(self._cuts), self._found, strict=True):
-            assert one._tangent is not None
-            found = one._tangent.modes(count, max(points, 2))
-            inside = (at >= s) & (at <= end)
-            own = np.linspace(0.0, end - s, max(points, 2))
-            for frequency, shape in zip(found.frequencies, found.shapes, strict=True):
-                whole = np.zeros((points, 3))
-                for a in range(3):
-                    whole[inside, a] = np.interp(at[inside] - s, own, shape[:, a])
-                frequencies.append(frequency)
-                shapes.append(whole)
+        found = []
+        for run in runs(self._found):
+            cuts = self._cuts[run[0] : run[-1] + 2]
+            inside = np.flatnonzero((at >= cuts[0]) & (at <= cuts[-1]))
+            own = _modes(self._found[run[0]], cuts, at[inside], count, points)
+            whole = np.zeros((len(own.frequencies), points, 3))
+            whole[:, inside] = own.shapes
+            found.append(Modes(own.frequencies, whole))
+        frequencies = np.concatenate([own.frequencies for own in found])
+        shapes = np.concatenate([own.shapes for own in found])
+        if np.isnan(frequencies).any():  # the lowest may be among those that are not known
+            return Modes(np.full(count, np.nan), np.full((count, points, 3), np.nan))
         order = np.argsort(frequencies, kind="stable")[:count]
-        return Modes(np.array(frequencies)[order], np.array(shapes)[order])
+        return Modes(frequencies[order], shapes[order])
+
+
+def _modes(first: Equilibrium, cuts: Sequence[float], at: np.ndarray, count: int, points: int) -> Modes:
+    """The `count` lowest of the run of pieces that begins with `first`.
+
+    Args:
+        first: the first piece.
+        cuts: arc lengths of the ends of the pieces, m.
+        at: (k,) rising arc lengths on them at which shapes are asked for, m.
+        count: of modes.
+        points: at which the shape of one piece is computed, to interpolate it.
+    """
+    if first._coupled is not None:
+        edges = [0, *at.searchsorted(cuts[1:-1]).tolist(), len(at)]
+        places = [
+            (at[a:b] - s) / (end - s)
+            for (a, b), (s, end) in zip(itertools.pairwise(edges), itertools.pairwise(cuts), strict=True)
+        ]
+        return first._coupled.modes(count, places)
+    if first._tangent is None:  # it has no result
+        return Modes(np.full(count, np.nan), np.full((count, len(at), 3), np.nan))
+    found = first._tangent.modes(count, max(points, 2))
+    own = np.linspace(cuts[0], cuts[1], max(points, 2))
+    shapes = [np.stack([np.interp(at, own, shape[:, a]) for a in range(3)], axis=1) for shape in found.shapes]
+    return Modes(found.frequencies, np.array(shapes).reshape(len(shapes), len(at), 3))

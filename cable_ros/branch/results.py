@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cable_ros.branch.modes import modes
+from cable_ros.branch.coupled_modes import Piece
+from cable_ros.branch.modes import modes, vibrating
 from cable_ros.contact.report import contact_table
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
 from cable_ros.linalg.cross import cross_matrix
@@ -130,6 +131,11 @@ class Tangent:
     def modes(self, count: int, points: int) -> Modes:
         """See `Equilibrium.modes`."""
         return modes(self._rod(), self._q, self._F, self._start, self._unit, self._density, count, points)
+
+    def piece(self) -> Piece:
+        """Of a cable with supports, one that vibrates."""
+        own = vibrating(self._rod(), self._q, self._F)
+        return Piece(own, self._unit, self._density, self._start)
 
     def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
         """See `Equilibrium.wrench_response`."""

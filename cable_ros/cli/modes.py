@@ -69,13 +69,9 @@ def describe(name: str, found: Equilibrium, modes: Modes) -> str:
     if math.isinf(lowest):
         return f"{name}: it has no mass (linear_density 0), so nothing swings"
     if math.isnan(lowest):
-        if any(piece._coupled is not None for piece in found.pieces):
-            return (
-                f"{name}: it turns or slides in its supports; vibrations of such cables are not computed yet"
-            )
         return (
             f"{name}: no frequencies are known: friction alone makes this equilibrium stable, or the cable "
-            "stretches and touches something"
+            "touches another cable, stretches where it rubs, or shears where it touches"
         )
     length = float(np.linalg.norm(np.diff(found.points, axis=0), axis=1).sum())
     lines = [

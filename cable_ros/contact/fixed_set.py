@@ -312,7 +312,7 @@ class FixedSetRod(Rod):
         """
         if not self.count:
             return super().wrench_response(q, F, moving)
-        if self.compliance.any() and self.model == COULOMB and self._rough().any():
+        if self.compliance.any() and self.model == COULOMB and self.rough().any():
             return np.full((12 + 6 * len(moving), 12 + 6 * len(moving)), np.nan)
         return self._response(q, F, moving, None)
 
@@ -339,7 +339,7 @@ class FixedSetRod(Rod):
         kind, pressure = points[:, KIND], points[:, FORCE]
         which = points[:, OBSTACLE].astype(int)
         assert self.obstacles is not None
-        rough = self._rough()
+        rough = self.rough()
         contacts = Contacts(
             arc_lengths=points[:, ARC_LENGTH].copy(), obstacles=which, pressure=pressure,
             friction=points[:, FRICTION : FRICTION + 3], at_minimum=kind == POINT, lifts_off=kind >= FIRST,
@@ -354,7 +354,7 @@ class FixedSetRod(Rod):
         return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving,
                                compliance, G, loads)  # fmt: skip
 
-    def _rough(self) -> np.ndarray:
+    def rough(self) -> np.ndarray:
         """(count,) which contact points press on an obstacle with friction."""
         assert self.obstacles is not None
         points = self.points[: self.count]

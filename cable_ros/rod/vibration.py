@@ -29,10 +29,15 @@ from cable_ros.rod.quaternion import matrices_from_ros, to_ros
 
 DEPENDENT = 1e-9
 """Rows that hold the rod count as one if they differ by less than this fraction of their size."""
+CONTRADICTION = 1e-6
+"""What constraints may be missed by, as a fraction of what is given."""
 
 
 class Motion(NamedTuple):
-    """How the centreline of a rod of m elements moves with N unknowns: 3n nodal rotations, then strains."""
+    """How the centreline of a rod of m elements moves with N unknowns.
+
+    They are 3n nodal rotations, then strains, then, if it is `loose`, the displacement (3,) of the start.
+    """
 
     mesh: Mesh
     tangents: np.ndarray
@@ -53,6 +58,11 @@ class Motion(NamedTuple):
         row, axis = np.arange(len(s))[:, None, None], np.arange(3)[:, None]
         out[row, axis, self.columns[element][:, None, :]] += inner
         return out
+
+    def loose(self) -> Motion:
+        """The same with the displacement of the start as 3 more unknowns."""
+        start = np.broadcast_to(np.eye(3), (len(self.starts), 3, 3))
+        return self._replace(starts=np.concatenate([self.starts, start], axis=2))
 
 
 def motion(q: np.ndarray, mesh: Mesh, compliance: np.ndarray, G: np.ndarray) -> Motion:
@@ -115,30 +125,52 @@ def strain_stiffness(mesh: Mesh, compliance: np.ndarray) -> np.ndarray:
     return np.asarray((weights[:, :, None] / soft).ravel())
 
 
-def lowest(H: np.ndarray, M: np.ndarray, rows: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def lowest(H: np.ndarray, M: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """The `count` lowest angular frequencies (k,) and their modes (N, k), fewer where there are not so many.
 
     Args:
         H: (N, N) Hessian.
         M: (N, N) mass.
-        rows: (r, N) constraints: rows @ x = 0. They may depend on each other.
+        count: of modes.
 
     Raises:
-        LinAlgError: H is not positive definite under the constraints.
+        LinAlgError: H is not positive definite.
     """
-    from scipy.linalg import eigh, qr
+    from scipy.linalg import eigh
+
+    count = min(count, len(H))
+    inverse, modes = eigh(M, H, subset_by_index=[len(H) - count, len(H) - 1], check_finite=False)
+    with np.errstate(divide="ignore"):
+        return 1.0 / np.sqrt(np.maximum(inverse[::-1], 0.0)), modes[:, ::-1]
+
+
+def kernel(rows: np.ndarray) -> np.ndarray:
+    """(N, k) orthonormal motions x with rows @ x = 0; rows (r, N) may depend on each other."""
+    from scipy.linalg import qr
 
     size = np.linalg.norm(rows, axis=1)
     rows = rows[size > 0.0] / size[size > 0.0, None]
     Q, R, _ = qr(rows.T, pivoting=True)
     rank = int((np.abs(np.diagonal(R)) > DEPENDENT).sum())
-    Z = Q[:, rank:]
-    count = min(count, Z.shape[1])
-    inverse, modes = eigh(
-        Z.T @ M @ Z, Z.T @ H @ Z, subset_by_index=[Z.shape[1] - count, Z.shape[1] - 1], check_finite=False
-    )
-    with np.errstate(divide="ignore"):
-        return 1.0 / np.sqrt(np.maximum(inverse[::-1], 0.0)), Z @ modes[:, ::-1]
+    return np.asarray(Q[:, rank:])
+
+
+def follow(H: np.ndarray, rows: np.ndarray, given: np.ndarray, Z: np.ndarray) -> np.ndarray:
+    """(N, k) the motions of least energy with rows @ x = given.
+
+    Args:
+        H: (N, N) Hessian, positive definite on Z.
+        rows: (r, N) constraints; they may depend on each other.
+        given: (r, k).
+        Z: (N, j) `kernel` of the rows.
+
+    Raises:
+        LinAlgError: the constraints contradict each other, or H is singular on Z.
+    """
+    some = np.linalg.lstsq(rows, given, rcond=DEPENDENT)[0]
+    if np.abs(rows @ some - given).max(initial=0.0) > CONTRADICTION * np.abs(given).max(initial=0.0):
+        raise np.linalg.LinAlgError
+    return np.asarray(some - Z @ np.linalg.solve(Z.T @ H @ Z, Z.T @ (H @ some)))
 
 
 def dense(banded: np.ndarray) -> np.ndarray:

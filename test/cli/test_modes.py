@@ -45,6 +45,26 @@ def test_a_table_for_a_person(capsys):
     assert all(sum(float(row[i]) for i in (-6, -4, -2)) == pytest.approx(100.0, abs=2.0) for row in rows)
 
 
+def test_a_cable_in_a_ring_has_them(tmp_path, capsys):
+    path = tmp_path / "strip.yaml"
+    ring = "    supports: [{name: eye, ring: {arc_length: 0.2, position: [0.1, 0.05, 0.05]}}]\n"
+    path.write_text(STRIP.format(density=0.1, z=0.1) + ring)
+    assert main(["modes", str(path), "--count", "2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["strip"]
+    assert 0.0 < found["frequencies"][0] < found["frequencies"][1]
+    np.testing.assert_allclose(np.linalg.norm(found["shapes"], axis=2).max(axis=1), 1.0)
+
+
+def test_what_is_not_known_is_told(tmp_path, capsys):
+    """A cable that stretches and rubs on the ground."""
+    path = tmp_path / "strip.yaml"
+    ground = "obstacles: [{name: ground, plane: {point: [0, 0, -0.01], normal: [0, 0, 1]}, friction: 0.3}]\n"
+    rope = STRIP.format(density=0.1, z=0.0).replace("gravity: [0, 0, 0]", "gravity: [0, 0, -9.81]")
+    path.write_text(ground + rope + "    axial_stiffness: 100.0\n")
+    assert main(["modes", str(path)]) == 0
+    assert "stretches where it rubs" in capsys.readouterr().out
+
+
 def test_without_mass_nothing_swings(tmp_path, capsys):
     path = tmp_path / "strip.yaml"
     path.write_text(STRIP.format(density=0.0, z=0.05))

@@ -83,3 +83,17 @@ def test_frequencies_are_asked_for_once_in_a_while():
     swing.frequency = 1.0
     assert watch.report(0.5, found)["camera_cable"].frequency == 1.0
     assert watch.report(1.5, found)["camera_cable"].frequency == pytest.approx(3.3, rel=0.02)
+
+
+def test_a_cable_in_a_ring_has_a_frequency_too():
+    from cable_ros import Tracker, load_scene
+
+    cable = {
+        "name": "strip", "length": 0.4, "stiffness": [1e-3, 1e-3, 7e-4], "linear_density": 0.1,
+        "start": {"position": [0, 0, 0], "orientation": [0, 0, 0, 1]},
+        "end": {"position": [0.2, 0.1, 0.1], "orientation": [0, 0, 0, 1]},
+        "supports": [{"name": "eye", "ring": {"arc_length": 0.2, "position": [0.1, 0.05, 0.05]}}],
+    }  # fmt: skip
+    found = Tracker(load_scene({"gravity": [0, 0, 0], "cables": [cable]})).arrive({})
+    (swing,) = QuasiStatic({"strip": 0.4}).report(0.0, found).values()
+    assert swing.frequency == found["strip"].modes(1).frequencies[0] > 0.0
