@@ -4,8 +4,8 @@
     cable bench robustness --zoo test/zoo_open.py
 
 `test_zoo.py` does not count them. Nor does it a drum that turns back under a taut rod that stretches by 1e-4
-(test/contact/test_stretching_friction.py): with some last bits of its angles exact contact and grid differ by 6
-to 9 %, and the pose is not published.
+(test/contact/test_stretching_friction.py): with some last bits of its angles exact contact and grid differ by
+6 to 9 %, and the pose is not published.
 """
 
 from __future__ import annotations
