@@ -177,8 +177,8 @@ def test_a_drum_turned_under_the_rod_there_and_back(axial: float) -> None:
     if axial == 1e3:
         found += follow(tracker, TURNS[4:])
     else:
-        # whether the exact contact keeps up with the first turn back hangs on the last bit; where it does not,
-        # a grid may be too far off to be published
+        # whether the exact contact keeps up with the first turn back hangs on the last bit; where it does
+        # not, a grid may be too far off to be published
         found += [next(iter(tracker.arrive({"j": value}).values())) for value in TURNS[4:]]
         assert all(one.converged or "on a grid" in one.message for one in found)
     coarse, fine = (turned(axial, 0.35, TURNS, segments) for segments in (120, 240))
