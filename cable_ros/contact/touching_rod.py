@@ -10,14 +10,16 @@ from functools import partial
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.distance import gap
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.gap_search import could_pass, passage
 from cable_ros.contact.meshing import CLOSEST
 from cable_ros.contact.patch_ends import join
 from cable_ros.contact.patches import resample
 from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead
-from cable_ros.contact.points import BEFORE, FORCE, INTERFACE, OBSTACLE
+from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, INTERFACE, OBSTACLE
 from cable_ros.rod import warm_step
+from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.solve.trust_region import Options
@@ -124,13 +126,12 @@ class TouchingRod(ActiveSetRod):
                 return code, iterations, q_new, F_new
             self.set_conditions(*before)
         known, mesh, there = self.state(), self.mesh, (self.qe, self.re, self.f, self.obstacles)
-        held = self._normals()
         result = self.step_in_contact(q, F, qe, re, f, tolerance, limit, obstacles)
         if result[0] != warm_step.ADVANCED:
             result = self._instead(q, F, qe, re, f, limit, obstacles, result)
         if result[0] != warm_step.ADVANCED:
             return result
-        if not self._passed_in_contact(q, F, *result[2:], mesh, there[3], held):
+        if not self._passed_in_contact(q, F, *result[2:], mesh, there[3]):
             return result
         self.restore(known, mesh)
         self.set_conditions(*there)
@@ -144,31 +145,34 @@ class TouchingRod(ActiveSetRod):
         """What takes the place of a step that failed."""
         return descend_instead(self, q, F, qe, re, f, limit, obstacles, failed)
 
-    def _passed_in_contact(self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray,
-                           mesh: Mesh, before: np.ndarray, held: dict[int, np.ndarray]) -> bool:  # fmt: skip
+    def _passed_in_contact(
+        self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, mesh: Mesh,
+        before: np.ndarray,
+    ) -> bool:  # fmt: skip
         """Whether a step in contact may have led through an obstacle.
 
-        One that it did not touch before, or does not touch any more, or touches from another side.
+        One that it does not touch now and might have passed, or touches from another side than where it was.
 
         Args:
             q, F, q_new, F_new: nodal frames (n, 4) and end force (3,) before and after.
             mesh, before: the mesh before, and the obstacles (o, WIDTH).
-            held: by obstacle, a normal (3,) at which it touched before.
         """
         assert self.obstacles is not None
         if len(q) == len(q_new) and not could_pass(q, q_new, before, self.obstacles):
             return False
-        now = self._normals()
-        if any(o in held and held[o] @ n < 0.0 for o, n in now.items()):
+        shape, points = mesh.interpolate(q, self.mesh.nodes), self.points[: self.count]
+        which = points[:, OBSTACLE].astype(int)
+        self.trace(shape, F)
+        r, n, directions, bends = np.empty(3), np.empty(3), np.empty((2, 3)), np.empty(2)
+        sides = np.full(len(before), -1.0)
+        for o, s, normal in zip(which, points[:, ARC_LENGTH], self.normals, strict=False):
+            position(self.c, self.h, self.s0, s, r)
+            gap(before[o], r, n, directions, bends)
+            sides[o] = max(sides[o], float(n @ normal))
+        if (sides[which] < 0.0).any():
             return True
-        free = np.setdiff1d(np.arange(len(before)), [o for o in now if o in held])
-        shape = mesh.interpolate(q, self.mesh.nodes)
+        free = np.setdiff1d(np.arange(len(before)), which)
         return self._passage(shape, F, q_new, F_new, before[free], self.obstacles[free])[1]
-
-    def _normals(self) -> dict[int, np.ndarray]:
-        """By obstacle that it touches, the normal (3,) at a contact point."""
-        which = self.points[: self.count, OBSTACLE].astype(int).tolist()
-        return dict(zip(which, self.normals[: self.count].copy(), strict=True))
 
     def _passage(
         self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, before: np.ndarray,
