@@ -229,6 +229,9 @@ def test_a_fall_that_forgets_friction_says_so():
         seen.append(found.status)
         if friction:
             assert "friction of its contacts was forgotten" in found.message
+            assert "until reset is called" in found.message
+            tracker.reset()
+            assert arrived(tracker, y=0.02).status is Status.CONVERGED
     assert seen == [Status.SNAPPED, Status.BRANCH_LOST]
 
 

@@ -54,6 +54,8 @@ class Loss:
     """Total twist there, rad."""
     since_search: float = np.inf
     """Relative motion since the last search for other equilibria."""
+    remedy: str = REMEDY
+    """When it is known again, a sentence."""
 
     def after_motion(self, motion: float, slips: bool, step: bool) -> Loss:
         """After a `motion`, in one `step` or several, to a pose where every contact point `slips`, or not."""
@@ -79,7 +81,7 @@ class Loss:
     @property
     def message(self) -> str:
         """Of a result."""
-        return f"{Status.BRANCH_LOST.sentence[:-1]} ({self.cause}). {REMEDY}"
+        return f"{Status.BRANCH_LOST.sentence[:-1]} ({self.cause}). {self.remedy}"
 
 
 @dataclass(frozen=True)

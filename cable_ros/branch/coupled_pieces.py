@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cable_ros.branch.cable_tracker import CableTracker
+from cable_ros.branch.cable_tracker import POSE_LEFT_OUT, CableTracker
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupling import PER
 from cable_ros.branch.crossing_cable import CrossingCable
@@ -96,6 +96,8 @@ class CoupledPieces(Released):
             snapped = snapped or (told or "")
             if told is None:
                 self._failures += 1
+                if any(piece.rubbing for piece in self.pieces):
+                    self.pieces[0].distrust(POSE_LEFT_OUT)
                 self._waiting = route[k + 1 : -1]
                 return self._failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, begin)
             if not np.array_equal(self._joints, there):

@@ -37,6 +37,8 @@ MOST_TURN = 0.35
 """Maximum rotation of a section in one attempt, rad."""
 STALLED = 10.0
 """Algebraic tolerance of a piece in which rounding is larger, over the usual one."""
+REMEDY = "It stays so until reset is called (of the node: ~/reset), which takes that of a cold start."
+"""When a branch is known again that pieces share: motion alone does not tell."""
 LENGTHENED = 1e-3
 """Relative change of the length after which a piece is judged again, also if no section has turned."""
 
@@ -150,6 +152,11 @@ class SharedPiece(CableTracker):
             if isinstance(rod, HeldRod) and self._ends is not None:
                 rod.ends = self._ends
                 rod.set_conditions(rod.qe, rod.re, rod.f)
+
+    def distrust(self, cause: str) -> None:
+        super().distrust(cause)
+        assert self._record.loss is not None
+        self._record = replace(self._record, loss=replace(self._record.loss, remedy=REMEDY))
 
     def find(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> Equilibrium:
         """A cold start as if its sections were clamped there."""
