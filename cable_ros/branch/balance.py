@@ -270,11 +270,13 @@ class Balance:
         """As `_renew`, by differences: the pieces' tangents do not know how slip turns friction."""
         free = self.free
         _, at = self._invert(assemble(self.tangent(mounts, state).sides(), self._push)), self._residual()
-        columns = np.empty((len(free), len(free)))
+        unit, columns = np.eye(len(free)), np.empty((len(free), len(free)))
         for k in np.flatnonzero(free):
-            step = np.zeros(len(free))
-            step[k] = PROBE * (self.run.length if k % PER == PER - 1 else 1.0)
-            if not self._move(kinematics, joints, mounts, state.moved(step)):
+            size = PROBE * (self.run.length if k % PER == PER - 1 else 1.0)
+            for step in (size * unit[k], -size * unit[k]):
+                if self._move(kinematics, joints, mounts, state.moved(step)):
+                    break
+            else:
                 return False
             columns[:, k] = (self._residual() - at) / step[k]
         if not self._move(kinematics, joints, mounts, state):
