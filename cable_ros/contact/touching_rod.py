@@ -126,12 +126,13 @@ class TouchingRod(ActiveSetRod):
                 return code, iterations, q_new, F_new
             self.set_conditions(*before)
         known, mesh, there = self.state(), self.mesh, (self.qe, self.re, self.f, self.obstacles)
+        which, normals = self.points[: self.count, OBSTACLE].copy(), self.normals[: self.count].copy()
         result = self.step_in_contact(q, F, qe, re, f, tolerance, limit, obstacles)
         if result[0] != warm_step.ADVANCED:
             result = self._instead(q, F, qe, re, f, limit, obstacles, result)
         if result[0] != warm_step.ADVANCED:
             return result
-        if not self._passed_in_contact(q, F, *result[2:], mesh, there[3]):
+        if not self._passed_in_contact(q, F, *result[2:], mesh, there[3], (which, normals)):
             return result
         self.restore(known, mesh)
         self.set_conditions(*there)
@@ -147,7 +148,7 @@ class TouchingRod(ActiveSetRod):
 
     def _passed_in_contact(
         self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, mesh: Mesh,
-        before: np.ndarray,
+        before: np.ndarray, held: tuple[np.ndarray, np.ndarray],
     ) -> bool:  # fmt: skip
         """Whether a step in contact may have led through an obstacle.
 
@@ -156,6 +157,7 @@ class TouchingRod(ActiveSetRod):
         Args:
             q, F, q_new, F_new: nodal frames (n, 4) and end force (3,) before and after.
             mesh, before: the mesh before, and the obstacles (o, WIDTH).
+            held: obstacles (k,) of the contact points before, and normals (k, 3) there.
         """
         assert self.obstacles is not None
         if len(q) == len(q_new) and not could_pass(q, q_new, before, self.obstacles):
@@ -168,7 +170,8 @@ class TouchingRod(ActiveSetRod):
         for o, s, normal in zip(which, points[:, ARC_LENGTH], self.normals, strict=False):
             position(self.c, self.h, self.s0, s, r)
             gap(before[o], r, n, directions, bends)
-            sides[o] = max(sides[o], float(n @ normal))
+            # where it touched already, or where the material was that touches now
+            sides[o] = max(sides[o], float(n @ normal), *(held[1][held[0] == o] @ normal))
         if (sides[which] < 0.0).any():
             return True
         free = np.setdiff1d(np.arange(len(before)), which)
