@@ -125,7 +125,8 @@ class TouchingRod(ActiveSetRod):
                 self.obstacles = obstacles
                 return code, iterations, q_new, F_new
             self.set_conditions(*before)
-        known, mesh, there = self.state(), self.mesh, (self.qe, self.re, self.f, self.obstacles)
+        known, mesh, direction = self.state(), self.mesh, self.direction
+        there = self.qe, self.re, self.f, self.obstacles
         which, normals = self.points[: self.count, OBSTACLE].copy(), self.normals[: self.count].copy()
         result = self.step_in_contact(q, F, qe, re, f, tolerance, limit, obstacles)
         if result[0] != warm_step.ADVANCED:
@@ -136,7 +137,7 @@ class TouchingRod(ActiveSetRod):
             return result
         self.restore(known, mesh)
         self.set_conditions(*there)
-        self.ready = False
+        self.direction, self.ready = direction, False
         return warm_step.TOO_FAR, *result[1:]
 
     def _instead(
