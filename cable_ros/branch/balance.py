@@ -76,6 +76,11 @@ class Balance:
         return any(piece.rubs for piece in self.pieces)
 
     @property
+    def rubbing(self) -> bool:
+        """Whether one of its pieces touches something with friction."""
+        return any(piece.rubbing for piece in self.pieces)
+
+    @property
     def arcs(self) -> np.ndarray:
         """(n,) arc lengths in its supports from its start, m."""
         if self.state is not None:

@@ -96,7 +96,7 @@ class CoupledPieces(Released):
             snapped = snapped or (told or "")
             if told is None:
                 self._failures += 1
-                if any(piece.rubbing for piece in self.pieces):
+                if self.rubbing:
                     self.pieces[0].distrust(POSE_LEFT_OUT)
                 self._waiting = route[k + 1 : -1]
                 return self._failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, begin)
@@ -164,7 +164,7 @@ class CoupledPieces(Released):
             self._return()
             step = 0.5 * (target - at)
             if step * distance < SHORTEST:
-                rubbed = any(piece.rubbing for piece in self.pieces)
+                rubbed = self.rubbing
                 before, shape = self._energy(kinematics.poses(self._joints)[self.which]), self.state
                 for reach in BEYOND:  # next to a fold nothing is exact
                     target = min(1.0, at + reach * step)
@@ -177,7 +177,7 @@ class CoupledPieces(Released):
                 else:
                     return steps, None
                 at, step = target, longest
-                if rubbed or any(piece.rubbing for piece in self.pieces):
+                if rubbed or self.rubbing:
                     self.pieces[0].distrust("it snapped, and the friction of its contacts was forgotten")
                 if np.abs(shape.step_to(self.state).reshape(-1, PER)[:, :3]).max() < JUMP:
                     continue  # it goes on, steeply

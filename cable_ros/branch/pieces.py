@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from cable_ros.branch.extremes import Reading, worst_of
+from cable_ros.branch.modes import no_modes
 from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Overlap, Status
 from cable_ros.limits import Extreme
@@ -197,7 +198,7 @@ class Together:
         frequencies = np.concatenate([own.frequencies for own in found])
         shapes = np.concatenate([own.shapes for own in found])
         if np.isnan(frequencies).any():  # the lowest may be among those that are not known
-            return Modes(np.full(count, np.nan), np.full((count, points, 3), np.nan))
+            return no_modes(count, points, np.nan)
         order = np.argsort(frequencies, kind="stable")[:count]
         return Modes(frequencies[order], shapes[order])
 
@@ -220,7 +221,7 @@ def _modes(first: Equilibrium, cuts: Sequence[float], at: np.ndarray, count: int
         ]
         return first._coupled.modes(count, places)
     if first._tangent is None:  # it has no result
-        return Modes(np.full(count, np.nan), np.full((count, len(at), 3), np.nan))
+        return no_modes(count, len(at), np.nan)
     found = first._tangent.modes(count, max(points, 2))
     own = np.linspace(cuts[0], cuts[1], max(points, 2))
     shapes = [np.stack([np.interp(at, own, shape[:, a]) for a in range(3)], axis=1) for shape in found.shapes]

@@ -189,15 +189,11 @@ class SharedPiece(CableTracker):
         assert rod is not None
         self.set_length(kept.length)
         self._origin, self._begin = kept, kept.begin
-        left = False
         if isinstance(rod, ActiveSetRod) and kept.contacts is not None:
-            left = rod.touches and not kept.contacts[1]
             rod.restore(kept.contacts, kept.mesh)
             rod.ready = False
         rod.set_conditions(there.qe, there.re, there.f, there.obstacles)
         self._q, self._F, self._joints = kept.q, kept.F, kept.joints
-        if left:
-            rod.refactor(self._q, self._F)  # its factors are those with contact
 
     def attempt(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
         """Follow the branch to a place nearby in one step; if not, nothing has moved.
@@ -208,7 +204,10 @@ class SharedPiece(CableTracker):
         assert rod is not None
         if self.rubs:
             assert self._origin is not None
+            touched = rod.touches
             self._restore(self._origin)
+            if touched and not rod.touches:
+                rod.refactor(self._q, self._F)  # its factors are those with contact
         before = self.length
         longer = abs(place.length / self._judged_length - 1.0) > LENGTHENED
         kept = self.keep() if longer else None
