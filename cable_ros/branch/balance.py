@@ -269,12 +269,18 @@ class Balance:
 
     def _renew(self, mounts: np.ndarray, state: Shared) -> bool:
         """Invert the tangent at the pieces' present equilibria; whether it can be inverted."""
-        return self._invert(assemble(self.tangent(mounts, state).sides(), self._push))
+        system = self._system(mounts, state)
+        self._spread = system.spread
+        return self._invert(system.tangent)
+
+    def _system(self, mounts: np.ndarray, state: Shared) -> System:
+        """The supports' linearised equations at the pieces' present equilibria."""
+        return assemble(self.tangent(mounts, state).sides(), self._push)
 
     def _probe(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
         """As `_renew`, by differences: the pieces' tangents do not know how slip turns friction."""
-        free = self.free
-        _, at = self._invert(assemble(self.tangent(mounts, state).sides(), self._push)), self._residual()
+        free, at = self.free, self._residual()
+        self._spread = self._system(mounts, state).spread
         unit, columns = np.eye(len(free)), np.empty((len(free), len(free)))
         for k in np.flatnonzero(free):
             size = PROBE * (self.run.length if k % PER == PER - 1 else 1.0)
@@ -286,20 +292,17 @@ class Balance:
             columns[:, k] = (self._residual() - at) / step[k]
         if not self._move(kinematics, joints, mounts, state):
             return False
-        try:
-            self._inverse = np.linalg.inv(columns[np.ix_(free, free)])
-        except np.linalg.LinAlgError:
-            return False
-        return bool(np.isfinite(self._inverse).all())
+        return self._invert(columns)
 
     def _residual(self) -> np.ndarray:
         """(4 n,) of the supports' equations at the pieces' present equilibria."""
         return residual_of([piece.ends() for piece in self.pieces], self._push)
 
-    def _invert(self, system: System) -> bool:
+    def _invert(self, tangent: np.ndarray) -> bool:
+        """Keep the inverse of a tangent (4 n, 4 n) in what is free; whether there is one."""
         free = self.free
         try:
-            self._inverse, self._spread = np.linalg.inv(system.tangent[np.ix_(free, free)]), system.spread
+            self._inverse = np.linalg.inv(tangent[np.ix_(free, free)])
         except np.linalg.LinAlgError:
             return False
         return bool(np.isfinite(self._inverse).all())
@@ -328,4 +331,6 @@ class Balance:
         if not margin > 0.0:
             return False
         self.margin, self._judged_at = margin, here
-        return self._invert(assemble(sides, self._push) if self._push.any() else plain)
+        system = assemble(sides, self._push) if self._push.any() else plain
+        self._spread = system.spread
+        return self._invert(system.tangent)
