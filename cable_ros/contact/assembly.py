@@ -10,62 +10,42 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
+from cable_ros.compilation import INNER, LEAF_ENTRY, njit
+from cable_ros.contact.constraint_rows import constraint_rows, update_constraints
 from cable_ros.contact.contact_state import PointTerms, surface
-from cable_ros.contact.distance import FRICTION_COEFFICIENT, across, pull
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, pull
 from cable_ros.contact.friction_kernels import (
-    ACROSS,
-    DIRECTION,
     FRICTIONLESS,
-    STIFFNESS,
     TANGENT,
     stick_stiffness,
     update_friction,
 )
 from cable_ros.contact.interfaces import gap_here, locate
 from cable_ros.contact.moving_obstacles import carry, obstacle_motion
-from cable_ros.contact.point_couples import has_arm, hold_points, hold_rows
+from cable_ros.contact.point_couples import has_arm, hold_points
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
-    FIRST,
     FORCE,
     FRICTION,
     INTERFACE,
     KIND,
-    LENGTH,
     MOTION,
     OBSTACLE,
     POINT,
-    SAMPLE,
-    SLIP_ROW,
-    SLOPE_ROW,
-    STICK_ROW,
     WAS,
-    YIELD,
 )
-from cable_ros.contact.stretched import internal_forces, row_reaches, trace
-from cable_ros.linalg.copies import copy
+from cable_ros.contact.stretched import internal_forces, trace
 from cable_ros.rod.centreline import (
     derivative,
     elongation_before,
     find_element,
-    increments,
-    interpolate_frame,
     position,
-    tangent,
-    tangent_derivative,
     weight_up_to,
 )
-from cable_ros.rod.centreline import shape as shape_functions
 from cable_ros.rod.energy_kernels import gradient, hessian
 from cable_ros.rod.extensible_kernels import stretch_gradient, stretch_hessian
 from cable_ros.rod.rod_state import Stretch
-
-STIFFER = 1.5
-"""Maximum ratio, or its inverse, of friction's stiffness to that in the constraint rows that still serve."""
-FAINT = 1e-9
-"""EI / L^2; a point with less force than this turns no force by its motion."""
 
 
 @njit(**INNER)
@@ -239,214 +219,6 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
             for a in range(3):
                 terms.misfits[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / stiffness
     return flips
-
-
-@njit(**INNER)
-def update_constraints(contacts, count, terms, rows):
-    """The constraints after the gaps, for constraint rows that are kept.
-
-    Args:
-        contacts, count: as in `assemble_kkt`.
-        terms: `PointTerms` of the contact points.
-        rows: `ConstraintRows`.
-
-    Returns:
-        Whether friction is about as stiff as in those rows.
-    """
-    points, gaps, _ = contacts
-    as_stiff = True
-    for i in range(count):
-        stick_constraints(points, i, terms.misfits, rows.lines, gaps)
-        if points[i, SLIP_ROW] > 0.0:
-            ratio = terms.tangents[i, STIFFNESS] * rows.delta[int(points[i, SLIP_ROW])]
-            as_stiff = as_stiff and 1.0 / STIFFER < ratio < STIFFER
-        if points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0:
-            gaps[int(points[i, SLOPE_ROW]) - 3] = terms.tilts[i]
-    return as_stiff
-
-
-@njit(**INNER)
-def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, strain):
-    """Constraint rows of all contact points, and what their forces add to the geometric stiffness.
-
-    Args:
-        shape, obstacles, contacts, count: as in `assemble_kkt`.
-        terms: `PointTerms` of the contact points.
-        tangents: `Tangents`.
-        rows: `ConstraintRows`, overwritten.
-        strain: `Strain`; the reach is overwritten if the cable stretches.
-
-    Returns:
-        The number of rows, and whether V and W are the same.
-    """
-    q, _, (h, s0, tables) = shape
-    points, gaps, normals = contacts
-    V, W, delta, lines, upto, owners = rows
-    geometric, dchord, C = tangents.geometric, tangents.dchord, tangents.C
-    N, primitives = tables.values, tables.primitives
-    order = N.shape[1] - 1
-    nd = 3 * (order + 1)
-    band = nd - 1
-    columns = C.shape[1]
-    for a in range(3):
-        for j in range(columns):
-            V[a, j] = C[a, j]
-        delta[a] = 0.0
-        owners[a] = count
-    total = 3 + count
-    same = True
-    D, Y = np.empty((4, nd)), np.empty((4, nd))
-    frame = np.empty((4, nd))
-    own, turn = np.empty((3, nd)), np.empty((3, nd))
-    by_position = np.empty((3, columns))
-    Nx, dNx = np.empty(order + 1), np.empty(order + 1)
-    qs, gT, H, P, t = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty(3), np.empty(3)
-    sticking = np.empty((2, 3))
-    soft = strain.reach.shape[0] > 0
-    tilt = np.empty((3, nd))
-    for i in range(count):
-        e, x = find_element(points[i, ARC_LENGTH], s0, h)
-        first = e * order
-        for j in range(order + 1):
-            increments(q[first + j], 3 * j, frame)
-        own[:] = 0.0
-        turn[:] = 0.0
-        for a in range(3):
-            P[a] = points[i, FORCE] * normals[i, a]
-            if not has_arm(points, i):
-                P[a] += points[i, FRICTION + a]
-        for k in range(N.shape[0]):
-            if x == 0.0:
-                break
-            interpolate_frame(q, first, order, N[k], frame, qs, D)
-            norm = tangent(qs, t)
-            weight = h[e] * weight_up_to(primitives, k, x)
-            if soft:
-                tilt[:] = 0.0
-                tangent_derivative(qs, t, 2.0 * weight / norm, D, tilt, 0, nd)
-                strain_slopes(strain.compliance[2], strain.G[e, k], t, tilt, own)
-            else:
-                tangent_derivative(qs, t, 2.0 * weight / norm, D, own, 0, nd)
-            pull(qs, P, weight, gT, H)
-            for a in range(4):
-                for j in range(nd):
-                    Y[a, j] = H[a, 0] * D[0, j] + H[a, 1] * D[1, j] + H[a, 2] * D[2, j] + H[a, 3] * D[3, j]
-            for j in range(nd):
-                for m in range(j + 1):
-                    geometric[3 * first + j, band + m - j] += (
-                        D[0, j] * Y[0, m] + D[1, j] * Y[1, m] + D[2, j] * Y[2, m] + D[3, j] * Y[3, m]
-                    )
-        shape_functions(tables.nodes, x, Nx, dNx)
-        interpolate_frame(q, first, order, Nx, frame, qs, D)
-        norm = tangent(qs, t)
-        tangent_derivative(qs, t, 2.0 / norm, D, turn, 0, nd)
-        by_position[:] = 0.0
-        for k in range(e):
-            for a in range(3):
-                for j in range(nd):
-                    by_position[a, 3 * k * order + j] += dchord[k, a, j]
-        for a in range(3):
-            for j in range(nd):
-                by_position[a, 3 * first + j] += own[a, j]
-        row(V, 3 + i, normals[i], by_position)
-        delta[3 + i] = YIELD * points[i, LENGTH] ** 3 if points[i, KIND] == SAMPLE else 0.0
-        copy(normals[i], lines[3 + i])
-        begin = total
-        upto[3 + i], owners[3 + i] = e, i
-        points[i, STICK_ROW] = points[i, SLIP_ROW] = 0.0
-        friction = terms.tangents[i]
-        slip = friction[DIRECTION] != 0.0 or friction[DIRECTION + 1] != 0.0 or friction[DIRECTION + 2] != 0.0
-        if slip:
-            same = False
-            mu = obstacles[int(points[i, OBSTACLE]), FRICTION_COEFFICIENT]
-            for a in range(3):
-                P[a] = normals[i, a] + mu * friction[DIRECTION + a]
-            row(W, 3 + i, P, by_position)
-        else:
-            copy(V[3 + i], W[3 + i])
-        if friction[STIFFNESS] > 0.0:
-            if slip:
-                row(V, total, friction[ACROSS:STIFFNESS], by_position)
-                copy(friction[ACROSS:STIFFNESS], lines[total])
-                delta[total] = 1.0 / friction[STIFFNESS]
-                gaps[total - 3] = 0.0
-                points[i, SLIP_ROW] = total
-                total += 1
-            else:
-                across(normals[i], sticking)
-                points[i, STICK_ROW] = total
-                for k in range(2):
-                    row(V, total, sticking[k], by_position)
-                    copy(sticking[k], lines[total])
-                    delta[total] = 1.0 / friction[STIFFNESS]
-                    gaps[total - 3] = 0.0
-                    total += 1
-        for k in range(2):
-            if terms.bends[i, k] > 0.0 and abs(points[i, FORCE]) >= FAINT:
-                row(V, total, terms.directions[i, k], by_position)
-                copy(terms.directions[i, k], lines[total])
-                delta[total] = -1.0 / (points[i, FORCE] * terms.bends[i, k])
-                gaps[total - 3] = 0.0
-                total += 1
-        ends = points[i, KIND] >= FIRST
-        if points[i, KIND] == POINT:
-            points[i, SLOPE_ROW] = 0.0
-        if ends or (terms.curvature[i] > 0.0 and abs(points[i, FORCE]) >= FAINT):
-            row(V, total, terms.slopes[i], by_position)
-            copy(terms.slopes[i], lines[total])
-            for j in range(nd):
-                for a in range(3):
-                    V[total, 3 * first + j] += normals[i, a] * turn[a, j]
-            delta[total] = 0.0 if ends else terms.curvature[i] / points[i, FORCE]
-            gaps[total - 3] = terms.tilts[i]
-            points[i, SLOPE_ROW] = total
-            total += 1
-        for b in range(begin, total):
-            upto[b], owners[b] = e, i
-    total = hold_rows(shape, points, count, tangents, rows, total, gaps)
-    for b in range(3):
-        copy(V[b], W[b])
-    for b in range(3 + count, total):
-        copy(V[b], W[b])
-    for i in range(count):
-        stick_constraints(points, i, terms.misfits, lines, gaps)
-    if soft:
-        same = not row_reaches(shape, obstacles, contacts, count, terms, rows, total, strain) and same
-    return total, same
-
-
-@njit(**LEAF)
-def strain_slopes(soft, G, t, tilt, own):
-    """Add the derivative of (1 + c G.t) t to own (3, b), from that of t, tilt (3, b); c is `soft`."""
-    tension = G[0] * t[0] + G[1] * t[1] + G[2] * t[2]
-    for j in range(tilt.shape[1]):
-        rise = soft * (G[0] * tilt[0, j] + G[1] * tilt[1, j] + G[2] * tilt[2, j])
-        for a in range(3):
-            own[a, j] += (1.0 + soft * tension) * tilt[a, j] + rise * t[a]
-
-
-@njit(**LEAF)
-def stick_constraints(points, i, misfits, lines, gaps):
-    """Residuals of the two stick rows of point i, if it sticks: its `misfits` along the rows' directions.
-
-    Args:
-        points, gaps: of `ContactSet`.
-        misfits: (count, 3) of `PointTerms`.
-        lines: (rows, 3) of `ConstraintRows`.
-    """
-    b = int(points[i, STICK_ROW])
-    if b > 0:
-        for k in range(b, b + 2):
-            gaps[k - 3] = (
-                misfits[i, 0] * lines[k, 0] + misfits[i, 1] * lines[k, 1] + misfits[i, 2] * lines[k, 2]
-            )
-
-
-@njit(**LEAF)
-def row(V, at, v, by_position):
-    """V[at] = v times by_position, of V (rows, 3n), v (3,), by_position (3, 3n)."""
-    for j in range(by_position.shape[1]):
-        V[at, j] = v[0] * by_position[0, j] + v[1] * by_position[1, j] + v[2] * by_position[2, j]
 
 
 @njit(**LEAF_ENTRY)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.assembly import strain_slopes
+from cable_ros.contact.constraint_rows import strain_slopes
 from cable_ros.contact.distance import gap
 from cable_ros.linalg import banded
 from cable_ros.rod.centreline import (
