@@ -168,6 +168,7 @@ def in_slot() -> Case:
 
 
 FOUND = {
+    (73, 33): "over two smooth beams, told in 21 poses: a face beside an edge",
     (73, 40): "two smooth beams in two steps, both edges of each",
     (91, 6): "a loop over a beam rolls off the edge and falls",
     (92, 7): "a start wrench on a rough edge",
@@ -198,6 +199,8 @@ FOUND = {
     (108, 23): "a lift led aside: a contact comes to the clamp",
     (109, 45): "a heavy cable in a tray that turns: it dips beside where it lies",
     (110, 7): "a lift without friction forks as it is laid down",
+    (112, 28): "a heavy cable over two smooth beams: it stands off a face beside its edge",
+    (112, 51): "a heavy cable over two rough beams: no start arrived",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

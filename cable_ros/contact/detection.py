@@ -13,7 +13,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
 from cable_ros.contact.gap_search import far, minimum_beside, scan
-from cable_ros.contact.interfaces import SHARPER, at_edges, gap_at, lowest, sharpest_at
+from cable_ros.contact.interfaces import SHARPER, at_edge, gap_at, lowest, sharpest_at
 from cable_ros.contact.patch_ends import settle
 from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, make_patch, sample
 from cable_ros.contact.points import (
@@ -201,7 +201,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                 continue
             if ends:
                 points[near, ARC_LENGTH], points[near, NUMBER] = s, points[near, NUMBER] + 1.0
-            elif near >= 0 and not at_edges(shape, points[near, ARC_LENGTH], s, obstacles[o]):
+            elif near >= 0 and not at_edge(shape, points[near, ARC_LENGTH], s, obstacles[o]):
                 # two minima closer than the spacing: the cable begins to lie on the surface
                 low, high = min(s, points[near, ARC_LENGTH]), max(s, points[near, ARC_LENGTH])
                 middle, force = points[near, ARC_LENGTH], points[near, FORCE]

@@ -113,13 +113,14 @@ def sharpest_at(shape, s, obstacle):
 
 
 @njit(**INNER)
-def at_edges(shape, low, high, obstacle):
-    """Whether an obstacle's surface is nearest at an edge at both arc lengths, and at none between them.
+def at_edge(shape, low, high, obstacle):
+    """Whether an obstacle's surface is nearest at an edge at one of two arc lengths or both, at none between.
 
+    A cable that bends over an edge stands off the face beside it: no patch reaches from an edge onto a face.
     `shape`, `obstacle`: as in `lowest`.
     """
     between = SHARPER * sharpest_at(shape, 0.5 * (low + high), obstacle)
-    return sharpest_at(shape, low, obstacle) > between < sharpest_at(shape, high, obstacle)
+    return max(sharpest_at(shape, low, obstacle), sharpest_at(shape, high, obstacle)) > between
 
 
 @njit(**LEAF)
