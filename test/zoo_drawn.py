@@ -199,8 +199,10 @@ FOUND = {
     (108, 23): "a lift led aside: a contact comes to the clamp",
     (109, 45): "a heavy cable in a tray that turns: it dips beside where it lies",
     (110, 7): "a lift without friction forks as it is laid down",
+    (111, 9): "over thin smooth beams, both edges of each",
     (112, 28): "a heavy cable over two smooth beams: it stands off a face beside its edge",
     (112, 51): "a heavy cable over two rough beams: no start arrived",
+    (113, 2): "along a smooth wall: a contact at the end of a long element is flat beside",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

@@ -57,12 +57,13 @@ DRAWN = {
     (110, 28): "a short patch on a rough table, samples of which stick and slip in turn: a grid",
     (110, 43): "a rough lift in five poses: it falls over, and the branch is lost",
     (111, 5): "a hose, told in 4 times as many poses: 1.4 %",
-    (111, 9): "over thin beams without friction: a grid's error is too large",
     (111, 17): "a rough ball: a grid's error is too large, lost on a finer path",
     (111, 33): "a rough table: a grid's error is too large, told in more poses 1.0 %",
     (111, 51): "a lift in 4 poses: a grid's error is too large",
     (111, 54): "a hose led about: 1.4 to 2.2 % off a finer path",
     (112, 53): "in a rough corner: a rolling contact begins to lie, and a grid's error is too large",
+    (113, 8): "a rough ball pushed up under a cable: a grid's error is too large",
+    (113, 59): "across a rough edge: a grid's error is too large for a pose",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 

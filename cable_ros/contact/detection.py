@@ -195,7 +195,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             near = nearest(points, count, o, s, APART * spacing)
             ends = near >= 0 and points[near, KIND] != POINT
             beside = ends or (near >= 0 and abs(points[near, ARC_LENGTH] - s) < BESIDE * spacing)
-            if beside and value >= -give:
+            if beside and max(value, rise_between(shape, points[near, ARC_LENGTH], s, obstacles[o])) >= -give:
                 continue
             if ends and points[near, NUMBER] >= MOVES:
                 continue
@@ -227,6 +227,24 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                     count = add(points, count, o, s, POINT)
             changed = True
     return changed, count
+
+
+@njit(**INNER)
+def rise_between(shape, begin, end, obstacle):
+    """How much the gap rises from one arc length to another nearby, L, as its slopes tell (Simpson's rule).
+
+    The tangent is exact where a position is interpolated, with an error that may be a greater depth.
+
+    Args:
+        shape: `Shape`.
+        begin, end: L.
+        obstacle: (WIDTH,).
+    """
+    at = surface()
+    _, first, _ = gap_at(shape, begin, obstacle, at)
+    _, middle, _ = gap_at(shape, 0.5 * (begin + end), obstacle, at)
+    _, last, _ = gap_at(shape, end, obstacle, at)
+    return (end - begin) * (first + 4.0 * middle + last) / 6.0
 
 
 @njit(**INNER)
