@@ -11,6 +11,9 @@ from cable_ros.rod import quaternion, warm_step
 
 SYMMETRIC = 1e-9
 """Maximum distance of what is in the plane of symmetry from it, L: rounding of the joint values."""
+EVEN = 5e-4
+"""Maximum twist asked for, rad, to which an equilibrium and its mirror image are equally near: a path's
+rounding."""
 SAME_SHAPE = 1e-6
 """Maximum difference of the frames of a shape that is its own mirror image."""
 
@@ -20,7 +23,8 @@ def plane_of_symmetry(sought: Sought) -> np.ndarray | None:
 
     In the start clamp's frame. The obstacles are not looked at: see `mirror_image`.
     """
-    if sought.compliance is not None or sought.ends is not None or sought.target_twist:
+    twisted = abs(sought.target_twist or 0.0) > EVEN
+    if sought.compliance is not None or sought.ends is not None or twisted:
         return None
     conditions, stiffness = sought.conditions, sought.stiffness
     ends = quaternion.tangents(np.array([[1.0, 0.0, 0.0, 0.0], conditions.qe]))

@@ -15,6 +15,8 @@ from test_friction import MU, draped, error, on_drum
 from zoo_make import ARM
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
+from cable_ros.bench.cases import case_scene
+from cable_ros.bench.drawn import drawn_case
 from cable_ros.branch import cable_tracker, handover
 from cable_ros.branch.branch_record import BranchRecord, Loss
 from cable_ros.branch.snap_through import FOLD, SMALL, SnapThrough
@@ -140,6 +142,17 @@ def test_a_mirror_image_stays_lost_until_reset() -> None:
 
 
 BUDGETS = (20_000, 14_000, 10_000, 7_000, 5_000, 3_500)
+
+
+def test_beside_its_mirror_image_a_cable_is_not_known_again_because_it_slips() -> None:
+    """A ball that pulls the cable taut, and back: the search that follows asks for a twist of rounding."""
+    case = drawn_case(114, 13, 1e-4)
+    tracker = Tracker(case_scene(case), tolerance=1e-4)
+    found = [tracker.arrive(joints)["cable"] for joints in case.path]
+    lost = [one.status is Status.BRANCH_LOST for one in found]
+    assert any(lost)
+    touching = [one for one in found[lost.index(True) :] if len(one.contacts)]
+    assert {one.status for one in touching} == {Status.BRANCH_LOST}
 
 
 def drawn(tracker: Tracker, turns: np.ndarray) -> list[Equilibrium]:

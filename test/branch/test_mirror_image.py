@@ -33,6 +33,12 @@ def test_the_plane_is_that_of_ends_and_load() -> None:
     assert np.abs(n) == pytest.approx([0.0, 1.0, 0.0])
 
 
+@pytest.mark.parametrize("twist", [0.0, 1e-16, -1e-9])
+def test_a_twist_of_rounding_leaves_the_symmetry(twist: float) -> None:
+    """A search that follows a loss asks for the twist that the branch had."""
+    assert plane_of_symmetry(replace(PLANAR, target_twist=twist)) is not None
+
+
 @pytest.mark.parametrize(
     "other",
     [
