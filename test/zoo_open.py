@@ -64,6 +64,12 @@ DRAWN = {
     (112, 53): "in a rough corner: a rolling contact begins to lie, and a grid's error is too large",
     (113, 8): "a rough ball pushed up under a cable: a grid's error is too large",
     (113, 59): "across a rough edge: a grid's error is too large for a pose",
+    (114, 4): "over smooth beams: the branch is lost on a finer path only",
+    (114, 28): "a table: a contact is said to stick and has moved 1.1e-4 of the length",
+    (114, 31): "a hose, told in 4 times as many poses: 1.1 %",
+    (114, 42): "a ball pushed up: a fork is taken to one side in one step and to the other in two",
+    (114, 49): "over two rough beams: no start arrives",
+    (114, 50): "an edge on a grid: 1.1e-4 of the length inside",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 
