@@ -19,7 +19,7 @@ ALIKE = 1e-2
 """Maximum relative difference of energy and end moment of one equilibrium, found twice by coarse searches."""
 MOST_REPORTED = 3
 """Maximum number of snap-throughs that one message describes."""
-BY_RULE = ", to the side of two that a small load along (-1, 3, 2) of the start clamp's axes takes"
+BY_RULE = ", to the side of two mirror images that a rule takes, not the robot"
 FORKED = "; its branch forked at {:.4g} % of the step" + BY_RULE + "."
 REMEDY = (
     "It is known again once the cable touches nothing and has no other equilibrium near, or once every "
