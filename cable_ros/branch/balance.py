@@ -9,7 +9,21 @@ import numpy as np
 
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupled_tangent import CoupledTangent, Turned
-from cable_ros.branch.coupling import PER, Ends, System, assemble, judged, residual_of, step_size
+from cable_ros.branch.coupling import (
+    LOOSE,
+    NEUTRAL,
+    PER,
+    Ends,
+    Loose,
+    System,
+    assemble,
+    inverse_but_neutral,
+    judged,
+    residual_of,
+    step_size,
+)
+from cable_ros.branch.landing import caught, faced, let_go, touches
+from cable_ros.branch.loose_ends import LooseEnd
 from cable_ros.branch.shared_piece import Kept, SharedPiece
 from cable_ros.rod import quaternion
 from cable_ros.scene import Cable, Kinematics
@@ -34,6 +48,8 @@ SWITCHES = 6
 """Maximum number of changes between sticking and sliding in one step."""
 HELD = 1e-6
 """Excess of friction at which a ring still sticks, as a fraction of it."""
+NOTHING = 1e-3
+"""Wrench, EI / L^2 and EI / L, below which its changes are not relative: a loose end may bear none."""
 LEAST = 1e-9
 """Motion against friction, as a fraction of the length, that is rounding."""
 
@@ -45,15 +61,22 @@ class Balance:
         run: the cable between two clips or ends, with the supports in between.
         pieces: its pieces.
         first: number of its first piece in the scene.
+        loose: its ends that are solved here, as they are among obstacles.
     """
 
-    def __init__(self, run: Cable, pieces: Sequence[SharedPiece], first: int) -> None:
+    def __init__(
+        self, run: Cable, pieces: Sequence[SharedPiece], first: int, loose: tuple[LooseEnd, ...] = ()
+    ) -> None:
         self.run, self.pieces, self.first = run, tuple(pieces), first
         self.which = slice(first, first + len(pieces))
-        self._guides = np.array([support.slides for support in run.supports])
-        self._tubes = np.array([support.kind == TUBE for support in run.supports])
-        self._friction = np.array([support.friction for support in run.supports])
+        self._guides = np.array([support.slides for support in run.supports], bool)
+        self._tubes = np.array([support.kind == TUBE for support in run.supports], bool)
+        self._friction = np.array([support.friction for support in run.supports], float)
         self._known_free: dict[bytes, np.ndarray] = {}  # by what slides
+        self.loose = loose
+        per = np.arange(PER) == PER - 1, np.arange(LOOSE) >= LOOSE // 2
+        self._lengths = np.concatenate([np.tile(per[0], len(self._guides)), np.tile(per[1], len(loose))])
+        self._turns_freely = len(loose) == 2 and all(end.mask[2] for end in loose)
         self.reset()
 
     def reset(self) -> None:
@@ -63,6 +86,8 @@ class Balance:
         self._kept: list[Kept] = []
         self._before: tuple[np.ndarray, Shared] | None = None  # the step before the last, for extrapolation
         self._slides = np.zeros(len(self._guides), int)
+        self._faces: list[tuple[int, bool] | None] = [None] * len(self.loose)  # number, and whether it lies
+        self._wound = 1.0  # part of the given moments that acts
         self._inverse: np.ndarray | None = None
         self._spread: np.ndarray | None = None
         self._judged_at: np.ndarray | None = None
@@ -89,15 +114,25 @@ class Balance:
 
     @property
     def free(self) -> np.ndarray:
-        """(4 n,) which unknowns there are: rotations, in a tube about its axis only, and arcs that slide."""
-        key = self._slides.tobytes()
+        """(N,) which unknowns there are: rotations, in a tube about its axis only, and arcs that slide; of
+        loose ends those that neither mount nor face holds.
+        """
+        key = self._slides.tobytes() + repr(self._faces).encode() if self.loose else self._slides.tobytes()
         known = self._known_free.get(key)
         if known is None:
             out = np.ones((len(self._guides), PER), bool)
             out[self._tubes, :2] = False
             out[:, 3] = self._guides & ((self._friction == 0.0) | (self._slides != 0))
-            known = self._known_free[key] = out.ravel()
+            held = [end.held_by(face) for end, face in zip(self.loose, self._faces, strict=True)]
+            known = self._known_free[key] = np.concatenate([out.ravel(), *held])
         return known
+
+    @property
+    def _nothing(self) -> np.ndarray:
+        """(2,) force and moment that count as nothing, N and N m."""
+        if not self.loose:
+            return np.array([1e-300, 1e-300])
+        return NOTHING * np.array(self.pieces[0].unit)
 
     @property
     def _push(self) -> np.ndarray:
@@ -144,20 +179,24 @@ class Balance:
     ) -> Shared | None:
         """The equilibrium near a guess, with what sticks and what slides; None: none was found."""
         assert self.state is not None
-        kept, origin = self._slides.copy(), self.state.arcs
+        kept, origin, faces = self._slides.copy(), self.state.arcs, list(self._faces)
+        guess = self._faced(kinematics, joints, guess)
         for _ in range(SWITCHES):
             found = self._corrected(kinematics, joints, mounts, guess)
+            if found is not None and self._let_go(mounts, found):
+                guess, self._inverse = self._faced(kinematics, joints, found), None
+                continue
             if found is None or not self._friction.any():
                 break
             switched = self._switched(found, origin)
             if not switched.any():
                 return found
             arcs = np.where(switched & (self._slides == 0), origin, found.arcs)
-            guess, self._inverse = Shared(found.turns, arcs), None
+            guess, self._inverse = Shared(found.turns, arcs, found.tips), None
         else:
             found = None
-        if found is None and not np.array_equal(self._slides, kept):
-            self._slides, self._inverse = kept, None
+        if found is None and (faces != self._faces or not np.array_equal(self._slides, kept)):
+            self._slides, self._faces, self._inverse = kept, faces, None
         return found
 
     def _switched(self, found: Shared, origin: np.ndarray) -> np.ndarray:
@@ -188,6 +227,7 @@ class Balance:
         self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, guess: Shared
     ) -> Shared | None:
         """Newton's method with a tangent that is renewed if it is slow; None: it does not converge."""
+        guess = self._caught(kinematics, joints, guess)
         if not self._move(kinematics, joints, mounts, guess):
             return None
         tolerance = EXACT * self.pieces[0].tolerance
@@ -204,7 +244,7 @@ class Balance:
                 age = 0
             assert self._inverse is not None
             ends = [piece.ends() for piece in self.pieces]
-            residual = residual_of(ends, self._push)
+            residual = self._residual(mounts, state)
             step = np.zeros(len(free))
             step[free] = -self._inverse @ residual[free]
             new = self._size(step, ends)
@@ -228,6 +268,10 @@ class Balance:
             if new <= tolerance:
                 return state
             state, age, last = state.moved(step), age + 1, (step, residual)
+            if self.loose:
+                state, before = self._caught(kinematics, joints, state), state
+                if state is not before:
+                    self._inverse, new = None, np.inf
             if not self._move(kinematics, joints, mounts, state):
                 return None
             if new * min(max(rate, 1e-3), 1.0) <= tolerance:
@@ -241,7 +285,7 @@ class Balance:
         """
         assert self._inverse is not None
         back = self._inverse @ change
-        weighed = step / np.tile([1.0, 1.0, 1.0, self.run.length**2], len(self._guides))[self.free]
+        weighed = step / np.where(self._lengths, self.run.length**2, 1.0)[self.free]
         size = float(weighed @ back)
         if abs(size) > SKEW * float(weighed @ step):
             self._inverse = self._inverse + np.outer(step - back, weighed @ self._inverse) / size
@@ -249,11 +293,12 @@ class Balance:
         return out
 
     def _size(self, step: np.ndarray, ends: Sequence[Ends]) -> float:
-        """Of a step (4 n,): largest rotation, rad, shift over the shortest length, or part of a wrench."""
+        """Of a step (N,): largest rotation, rad, shift over the shortest length, or part of a wrench."""
         shortest = min(piece.length for piece in self.pieces)
         wrenches = np.concatenate([one.wrenches for one in ends])
         spread = self._spread
-        return step_size(step, shortest, np.empty((0, len(step))) if spread is None else spread, wrenches)
+        spread = np.empty((0, len(step))) if spread is None else spread
+        return step_size(step, self._lengths, shortest, spread, wrenches, self._nothing)
 
     def tangent(self, mounts: np.ndarray, state: Shared) -> CoupledTangent:
         """The linearised equations about the present equilibria of the pieces."""
@@ -264,8 +309,12 @@ class Balance:
             turns = own.transpose(0, 2, 1) @ section
             pieces.append(Turned(piece.tangent(place.poses), turns))
             loads[i] = piece.loads(place.poses)
+        for end, tip in zip(self.loose, state.tips, strict=True):
+            pieces[-end.which].at_loose_end(end, tip)
         ends: tuple[Ends, ...] = tuple(piece.ends() for piece in self.pieces)
-        return CoupledTangent(tuple(pieces), ends, loads, self._push, self.free)
+        return CoupledTangent(
+            tuple(pieces), ends, loads, self._push, self.free, self._loose(mounts, state), self.loose, state.tips
+        )
 
     def _renew(self, mounts: np.ndarray, state: Shared) -> bool:
         """Invert the tangent at the pieces' present equilibria; whether it can be inverted."""
@@ -275,40 +324,85 @@ class Balance:
 
     def _system(self, mounts: np.ndarray, state: Shared) -> System:
         """The supports' linearised equations at the pieces' present equilibria."""
-        return assemble(self.tangent(mounts, state).sides(), self._push)
+        tangent = self.tangent(mounts, state)
+        return assemble(tangent.sides(), self._push, tangent.loose)
 
     def _probe(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
         """As `_renew`, by differences: the pieces' tangents do not know how slip turns friction."""
-        free, at = self.free, self._residual()
+        free, at = self.free, self._residual(mounts, state)
         self._spread = self._system(mounts, state).spread
         unit, columns = np.eye(len(free)), np.empty((len(free), len(free)))
         for k in np.flatnonzero(free):
-            size = PROBE * (self.run.length if k % PER == PER - 1 else 1.0)
+            size = PROBE * (self.run.length if self._lengths[k] else 1.0)
             for step in (size * unit[k], -size * unit[k]):
                 if self._move(kinematics, joints, mounts, state.moved(step)):
                     break
             else:
                 return False
-            columns[:, k] = (self._residual() - at) / step[k]
+            columns[:, k] = (self._residual(mounts, state.moved(step)) - at) / step[k]
         if not self._move(kinematics, joints, mounts, state):
             return False
         return self._invert(columns)
 
-    def _residual(self) -> np.ndarray:
-        """(4 n,) of the supports' equations at the pieces' present equilibria."""
-        return residual_of([piece.ends() for piece in self.pieces], self._push)
+    def _residual(self, mounts: np.ndarray, state: Shared) -> np.ndarray:
+        """(N,) of the equations at the pieces' present equilibria."""
+        return residual_of([piece.ends() for piece in self.pieces], self._push, self._loose(mounts, state))
+
+    def _loose(self, mounts: np.ndarray, state: Shared) -> tuple[Loose, ...]:
+        """The loose ends as their equations see them."""
+        return tuple(
+            end.loose(tip, mounts[-end.which, end.which], self._wound)
+            for end, tip in zip(self.loose, state.tips, strict=True)
+        )
+
+    def _rows(self, kinematics: Kinematics, joints: np.ndarray) -> np.ndarray | None:
+        """(o, WIDTH) the obstacles in the world, SI."""
+        return self.pieces[0].obstacles(kinematics, joints)
+
+    def _faced(self, kinematics: Kinematics, joints: np.ndarray, state: Shared) -> Shared:
+        """The state with its free ends on what they touch, where that is now."""
+        if touches(self._faces, state.tips) and not any(self._faces):
+            return state
+        rows = self._rows(kinematics, joints)
+        pairs = zip(state.tips, self._faces, strict=True)
+        return state._replace(tips=tuple(faced(tip, face, rows) for tip, face in pairs))
+
+    def _caught(self, kinematics: Kinematics, joints: np.ndarray, state: Shared) -> Shared:
+        """The state with free ends that are inside of obstacles on their surfaces."""
+        if not any(end.free for end in self.loose):
+            return state
+        rows, length = self._rows(kinematics, joints), self.run.length
+        faces = [caught(end, tip, rows, length) for end, tip in zip(self.loose, state.tips, strict=True)]
+        if touches(faces, state.tips):
+            return state
+        self._faces = faces
+        return self._faced(kinematics, joints, state)
+
+    def _let_go(self, mounts: np.ndarray, state: Shared) -> bool:
+        """Whether free ends touch something else at a solution than they did before."""
+        if not any(self._faces):
+            return False
+        before, unit = self._faces, self.pieces[0].unit
+        self._faces = [
+            let_go(tip, loose, self.pieces[-tip.which].ends().wrenches[6 * tip.which :][:6], unit)
+            for tip, loose in zip(state.tips, self._loose(mounts, state), strict=True)
+        ]
+        return before != self._faces
 
     def _invert(self, tangent: np.ndarray) -> bool:
-        """Keep the inverse of a tangent (4 n, 4 n) in what is free; whether there is one."""
+        """Keep the inverse of a tangent (N, N) in what is free; whether there is one."""
         free = self.free
         try:
-            self._inverse = np.linalg.inv(tangent[np.ix_(free, free)])
+            if self._turns_freely:
+                self._inverse = inverse_but_neutral(tangent[np.ix_(free, free)], self.scale()[free])
+            else:
+                self._inverse = np.linalg.inv(tangent[np.ix_(free, free)])
         except np.linalg.LinAlgError:
             return False
         return bool(np.isfinite(self._inverse).all())
 
     def scale(self) -> np.ndarray:
-        """(4 n,) stiffness of straight pieces beside each support, N m and N / m."""
+        """(N,) stiffness of straight pieces beside each support and loose end, N m and N / m."""
         out = np.zeros((len(self._guides), PER))
         for j in range(len(out)):
             for piece in self.pieces[j : j + 2]:
@@ -316,21 +410,37 @@ class Balance:
                 out[j, :2] += 4.0 * stiffness[:2] / length
                 out[j, 2] += stiffness[2] / length
                 out[j, 3] += 4.0 * stiffness[:2].mean() / length**3
-        return out.ravel()
+        ends = []
+        for end in self.loose:
+            piece = self.pieces[-end.which]
+            stiffness, length = piece.section.stiffness, piece.length
+            turning = [*(4.0 * stiffness[:2] / length), stiffness[2] / length]
+            ends.append([*turning, *[4.0 * stiffness[:2].mean() / length**3] * 3])
+        return np.concatenate([out.ravel(), *ends])
 
     def _stable(self, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
         """Whether the state is a minimum of the energy, judged again if it has moved."""
         here = np.concatenate([mounts[..., :3].ravel() / self.run.length, mounts[..., 3:].ravel(),
-                               state.turns.ravel(), state.arcs / self.run.length])  # fmt: skip
+                               state.turns.ravel(), state.arcs / self.run.length, *self._at(state)])  # fmt: skip
         if self._judged_at is not None and np.abs(here - self._judged_at).max() < RENEWED:
-            return True
+            return True  # what a free end touches counts a whole
         tangent = self.tangent(mounts, state)
         sides, free = tangent.sides(), self.free
-        plain = assemble(sides, np.zeros(len(self._guides)))
+        plain = assemble(sides, np.zeros(len(self._guides)), tangent.loose)
         margin = judged(plain.tangent, free, self.scale())
+        if self._turns_freely and abs(margin) < NEUTRAL:
+            margin = NEUTRAL
         if not margin > 0.0:
             return False
         self.margin, self._judged_at = margin, here
-        system = assemble(sides, self._push) if self._push.any() else plain
+        system = assemble(sides, self._push, tangent.loose) if self._push.any() else plain
         self._spread = system.spread
         return self._invert(system.tangent)
+
+    def _at(self, state: Shared) -> list[np.ndarray]:
+        """Where loose ends are, in lengths and parts of a turn, and what they touch."""
+        out = []
+        for tip, face in zip(state.tips, self._faces, strict=True):
+            touch = [-1.0, 0.0] if face is None else [float(face[0]), float(face[1])]
+            out += [tip.position / self.run.length, tip.turn, np.array(touch)]
+        return out

@@ -72,6 +72,8 @@ class Sought:
     """(3,) of shear and axial strain; None: inextensible and unshearable."""
     ends: Ends | None = None
     """How the ends are held; None: clamped."""
+    least: float = Rod.least
+    """See `Rod.least`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +274,7 @@ class Starts:
             rod = Rod(*section)
         else:
             rod = TouchingRod(*section, max(sought.tolerance, SEARCH))
-            rod.seen = self._seen
+            rod.seen, rod.least = self._seen, sought.least
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
         return rod
 

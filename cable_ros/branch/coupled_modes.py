@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.branch.coupling import PER, TANGENT, Ends
+from cable_ros.branch.coupling import END, LOOSE, PER, START, TANGENT, Ends, Loose
 from cable_ros.branch.modes import Vibrating, displacements, followed, normalised
 from cable_ros.equilibrium import Modes
 from cable_ros.rod.units import Units
@@ -40,16 +40,17 @@ class Piece(NamedTuple):
 
 def coupled_modes(
     pieces: Sequence[Piece], ends: Sequence[Ends], K: np.ndarray, free: np.ndarray, count: int,
-    places: Sequence[np.ndarray],
+    places: Sequence[np.ndarray], loose: Sequence[Loose] = (),
 ) -> Modes:  # fmt: skip
     """The `count` lowest modes of n + 1 pieces; their shapes at the `places`, piece by piece.
 
     Args:
         pieces, ends: from the first to the last.
         K: (k, k) derivative of the supports' equations by their free unknowns.
-        free: (4 n,) which unknowns of the supports these are.
+        free: (N,) which unknowns of the supports these are.
         count: of modes.
         places: arc lengths on each piece, as fractions of its length.
+        loose: its loose ends.
 
     Raises:
         LinAlgError: the equilibrium is not stable, or a piece cannot follow its supports.
@@ -57,7 +58,7 @@ def coupled_modes(
     bases, hessians, masses = [], [], []
     for i, piece in enumerate(pieces):
         own, Z = piece.own, kernel(piece.own.rows)
-        motions = _mount_motions(ends[i], i, len(pieces), piece.unit.length)
+        motions = _mount_motions(ends[i], i, len(pieces), piece.unit.length, loose)
         bases.append((Z, followed(own, Z, motions[:, free])))
         hessians.append(piece.unit.moment * (Z.T @ own.H @ Z))
         masses.append(piece.density * piece.unit.length**3 * mass(own.moved))
@@ -79,15 +80,23 @@ def coupled_modes(
     return Modes(omega / (2.0 * np.pi), normalised(np.concatenate(shapes, axis=1)))
 
 
-def _mount_motions(ends: Ends, i: int, count: int, length: float) -> np.ndarray:
-    """(12, 4 n) motions of the sections at both ends of piece i by the unknowns of the supports.
+def _mount_motions(
+    ends: Ends, i: int, count: int, length: float, loose: Sequence[Loose]
+) -> np.ndarray:
+    """(12, N) motions of the sections at both ends of piece i by the unknowns of the supports.
 
     Args:
         ends: of the piece.
         i, count: its number, and the number of pieces.
         length: its length, m.
+        loose: the loose ends.
     """
-    out = np.zeros((12, PER * (count - 1)))
+    out = np.zeros((12, PER * (count - 1) + LOOSE * len(loose)))
+    for k, end in enumerate(loose):
+        if i == end.which * (count - 1):
+            at = PER * (count - 1) + LOOSE * k
+            rows = END if end.which else START
+            out[rows, at : at + LOOSE] = end.motion / np.repeat([length, 1.0], 3)[:, None]
     for which, j in enumerate((i - 1, i)):
         if 0 <= j < count - 1:
             at, first = PER * j, 6 * which

@@ -6,18 +6,23 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from cable_ros.branch.cable_tracker import POSE_LEFT_OUT, CableTracker
 from cable_ros.branch.coupled_state import Shared
-from cable_ros.branch.coupling import PER
+from cable_ros.branch.coupled_tangent import Whole
 from cable_ros.branch.crossing_cable import CrossingCable
+from cable_ros.branch.loose_ends import LooseEnd, loose_ends
 from cable_ros.branch.released import Released
 from cable_ros.branch.rubbing_cable import RubbingCable
 from cable_ros.branch.shared_piece import Place, SharedPiece, onward
+from cable_ros.branch.snap_through import FREE_TO_TURN
+from cable_ros.branch.tracked_equilibrium import FREE
 from cable_ros.equilibrium import Equilibrium, Status
-from cable_ros.scene import Kinematics, Scene
+from cable_ros.scene import Cable, Kinematics, Scene
 
 LONGEST = 0.2
 """Maximum step in joint values, rad or m, that is taken at once."""
@@ -179,7 +184,7 @@ class CoupledPieces(Released):
                 at, step = target, longest
                 if rubbed or self.rubbing:
                     self.pieces[0].distrust("it snapped, and the friction of its contacts was forgotten")
-                if np.abs(shape.step_to(self.state).reshape(-1, PER)[:, :3]).max() < JUMP:
+                if np.abs(shape.step_to(self.state)[~self._lengths]).max() < JUMP:
                     continue  # it goes on, steeply
                 after = self._energy(mounts)
                 told = (
@@ -235,16 +240,35 @@ class CoupledPieces(Released):
         out = []
         for i, one in enumerate(found):
             turn = tangent.pieces[i].turn
-            wrenches = turn @ np.concatenate([one.start_wrench, one.end_wrench])
+            inner = np.concatenate([one.start_wrench, one.end_wrench])
+            wrenches = turn @ inner
+            for end, tip in zip(self.loose, self.state.tips, strict=True):
+                if i == end.which * (len(found) - 1):
+                    own = slice(6 * end.which, 6 * end.which + 6)
+                    wrenches[own] = end.wrench(tip, inner[own])
             fields = vars(one) | {
                 "start_wrench": wrenches[:6], "end_wrench": wrenches[6:], "_mounts": mounts[i, :, 3:].copy(),
-                "_tangent": tangent.pieces[i], "_coupled": tangent if i == 0 else None,
+                "_tangent": tangent.pieces[i] if len(found) > 1 else Whole(tangent),
+                "_coupled": tangent if i == 0 and len(found) > 1 else None,
                 "stability_margin": min(one.stability_margin, self.margin),
             }  # fmt: skip
+            if i == 0 and self.loose:
+                fields |= self._of_loose_ends(kinematics, joints, mounts, one, fields["stability_margin"])
             if one.status is Status.CONVERGED and snapped:
                 fields |= {"status": Status.SNAPPED, "message": snapped if i == 0 else ""}
             out.append(Equilibrium.of(fields))
             begin = time.perf_counter()
+        return out
+
+    def _of_loose_ends(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, one: Equilibrium, margin: float
+    ) -> dict[str, Any]:
+        """Fields of the result `one` of the first piece that loose ends change; `margin`: of the cable."""
+        assert self.state is not None
+        out: dict[str, Any] = {"energy": one.energy + self._given(mounts, self.state)}
+        if margin < FREE_TO_TURN and one.status.trusted:
+            out["stability_margin"] = 0.0
+            out["message"] = FREE if one.message == Status.CONVERGED.sentence else one.message
         return out
 
     def _failed(self, status: Status, message: str, begin: float, where: int = 0) -> list[Equilibrium]:
@@ -256,16 +280,28 @@ class CoupledPieces(Released):
         ]
 
 
-def kinds(scene: Scene) -> list[type[CableTracker]]:
+def _loose(scene: Scene, run: Cable) -> tuple[LooseEnd, ...]:
+    """The ends of a run that are solved as its supports are: among obstacles those that are not clamps."""
+    return loose_ends(run) if scene.has_contact else ()
+
+
+def kinds(scene: Scene) -> list[Callable[..., CableTracker]]:
     """What tracks each of `Scene.pieces`."""
     if scene.cable_contact:
         return [RubbingCable if scene.cable_friction else CrossingCable] * len(scene.cables)
     return [
-        SharedPiece if run.supports else CableTracker
+        _kind(scene, run)
         for cable in scene.cables
         for run in cable.runs
         for _ in run.pieces
     ]
+
+
+def _kind(scene: Scene, run: Cable) -> Callable[..., CableTracker]:
+    """What tracks each piece of a run."""
+    if _loose(scene, run):
+        return partial(SharedPiece, loose=True)
+    return SharedPiece if run.supports else CableTracker
 
 
 def coupled_pieces(scene: Scene, tracked: Sequence[CableTracker]) -> tuple[CoupledPieces, ...]:
@@ -274,8 +310,9 @@ def coupled_pieces(scene: Scene, tracked: Sequence[CableTracker]) -> tuple[Coupl
     for cable in scene.cables:
         for run in cable.runs:
             pieces = tracked[first : first + len(run.pieces)]
-            if run.supports:
+            loose = _loose(scene, run)
+            if run.supports or loose:
                 shared = [piece for piece in pieces if isinstance(piece, SharedPiece)]
-                out.append(CoupledPieces(run, shared, first))
+                out.append(CoupledPieces(run, shared, first, loose))
             first += len(pieces)
     return tuple(out)

@@ -8,39 +8,50 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.branch.coupling import PER
+from cable_ros.branch.coupling import LOOSE, PER
+from cable_ros.branch.loose_ends import Tip
 from cable_ros.branch.shared_piece import Place
 from cable_ros.compilation import LEAF_ENTRY, njit
 from cable_ros.rod import quaternion
 
 
 class Shared(NamedTuple):
-    """The unknowns of n supports."""
+    """The unknowns of n supports and of the loose ends."""
 
     turns: np.ndarray
     """(n, 4) orientation of the section in each support, in the frame of its mount, scalar first."""
     arcs: np.ndarray
     """(n,) arc length of the cable there, m."""
+    tips: tuple[Tip, ...] = ()
+    """The sections at the loose ends."""
 
     def moved(self, step: np.ndarray) -> Shared:
-        """After a step (4 n,): rotations about the sections' own axes, rad, and lengths, m, by support."""
-        each = step.reshape(-1, PER)
+        """After a step (N,): rotations about the sections' own axes, rad, and lengths, m, by support; then
+        those of each loose end, see `Tip.moved`.
+        """
+        count = PER * len(self.arcs)
+        each = step[:count].reshape(-1, PER)
         turns = np.empty_like(self.turns)
         quaternion.retract(self.turns, np.ascontiguousarray(each[:, :3]).ravel(), turns)
-        return Shared(turns, self.arcs + each[:, 3])
+        steps = step[count:].reshape(-1, LOOSE)
+        tips = tuple(tip.moved(own) for tip, own in zip(self.tips, steps, strict=True))
+        return Shared(turns, self.arcs + each[:, 3], tips)
 
     def step_to(self, other: Shared) -> np.ndarray:
-        """(4 n,) the step that leads to another state, as in `moved`."""
+        """(N,) the step that leads to another state, as in `moved`."""
         out = np.empty((len(self.arcs), PER))
         for j, (one, two) in enumerate(zip(self.turns, other.turns, strict=True)):
             out[j, :3] = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(one), two))
         out[:, 3] = other.arcs - self.arcs
-        return out.ravel()
+        tips = [one.step_to(two) for one, two in zip(self.tips, other.tips, strict=True)]
+        return np.concatenate([out.ravel(), *tips])
 
     def places(self, mounts: np.ndarray, length: float) -> list[Place]:
         """Where each piece is held; `mounts` (n + 1, 2, 7): of their ends; `length` of all together, m."""
         poses = mounts.copy()
         _turn(mounts, self.turns, poses)
+        for tip in self.tips:
+            poses[-tip.which, tip.which] = tip.pose(mounts[-tip.which, tip.which])
         cuts = [0.0, *self.arcs.tolist(), length]
         return [Place(poses[i], cuts[i + 1] - cuts[i], cuts[i]) for i in range(len(poses))]
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_ros.branch.coupled_modes import coupled_modes
-from cable_ros.branch.coupling import PER, Ends, Side, assemble
+from cable_ros.branch.coupling import END, LOOSE, PER, START, Ends, Loose, Side, assemble
+from cable_ros.branch.loose_ends import LooseEnd, Tip
 from cable_ros.branch.modes import no_modes
 from cable_ros.branch.results import Tangent
 from cable_ros.equilibrium import Modes
@@ -27,6 +28,11 @@ class Turned:
         self.turn = np.zeros((12, 12))
         for i in range(4):
             self.turn[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turns[i // 2]
+
+    def at_loose_end(self, end: LooseEnd, tip: Tip) -> None:
+        """Take wrenches and motions at a loose end to those of its mount."""
+        own = END if end.which else START
+        self.turn[own, own] = end.onto_mount(tip)
 
     def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
         """See `Equilibrium.wrench_response`; its sections are clamped to its mounts."""
@@ -52,7 +58,13 @@ class CoupledTangent:
     friction: np.ndarray
     """(n,) see `coupling.assemble`."""
     free: np.ndarray
-    """(4 n,) which unknowns of the supports there are."""
+    """(N,) which unknowns of the supports and loose ends there are."""
+    loose: tuple[Loose, ...] = ()
+    """The loose ends,"""
+    released: tuple[LooseEnd, ...] = ()
+    """how they are held,"""
+    tips: tuple[Tip, ...] = ()
+    """and their sections."""
 
     @property
     def count(self) -> int:
@@ -75,10 +87,11 @@ class CoupledTangent:
         pieces, points = [piece.inner.piece() for piece in self.pieces], sum(len(at) for at in places)
         if not pieces[0].density:
             return no_modes(count, points, np.inf)
-        K = assemble(self.sides(), np.zeros(len(self.friction))).tangent[np.ix_(self.free, self.free)]
+        system = assemble(self.sides(), np.zeros(len(self.friction)), self.loose)
+        K = system.tangent[np.ix_(self.free, self.free)]
         if np.isfinite(K).all():
             try:
-                return coupled_modes(pieces, self.ends, K, self.free, count, places)
+                return coupled_modes(pieces, self.ends, K, self.free, count, places, self.loose)
             except np.linalg.LinAlgError:
                 pass
         return no_modes(count, points, np.nan)
@@ -98,15 +111,39 @@ class CoupledTangent:
             at = np.r_[12 * i : 12 * i + 12, size : len(whole)]
             whole[np.ix_(at, at)] += side.response
             turn[12 * i : 12 * i + 12, 12 * i : 12 * i + 12] = self.pieces[i].turn
-        system = assemble(sides, self.friction)
+        system = assemble(sides, self.friction, self.loose)
         free = self.free
         by_motion = -np.linalg.solve(
             system.tangent[np.ix_(free, free)], (system.by_wrenches @ whole[:size])[free]
         )
         out = whole + system.spread[:, free] @ by_motion
-        # sections turn in their mounts, and what they exert with them
-        turns = np.zeros((PER * (count - 1), len(whole)))
+        self._turn_along(out, by_motion)
+        out = turn @ out @ turn.T
+        for k, end in enumerate(self.loose):
+            # the axes of a free end's load turn
+            by_turn = np.zeros((len(free), 3))
+            by_turn[PER * (count - 1) + LOOSE * k :][:LOOSE] = -end.motion.T @ end.by_turn
+            follows = -np.linalg.solve(system.tangent[np.ix_(free, free)], by_turn[free])
+            answer = system.spread[:, free] @ follows
+            self._turn_along(answer, follows)
+            at = 12 * end.which * (count - 1) + (END if end.which else START).start
+            out[:, at + 3 : at + 6] += turn @ answer
+        return out
+
+    def _turn_along(self, out: np.ndarray, by_motion: np.ndarray) -> None:
+        """Add to wrenches (12 (n + 1) + 6 k, m) that sections turn in their mounts, and what they exert with
+        them, by `by_motion` of the unknowns that there are.
+        """
+        count, free = len(self.pieces), self.free
+        turns = np.zeros((len(free), by_motion.shape[1]))
         turns[free] = by_motion
+        for k, end in enumerate(self.loose):
+            at, own = 12 * end.which * (count - 1), END if end.which else START
+            W = self.ends[-end.which].wrenches[own]
+            rows = slice(at + own.start, at + own.stop)
+            moved = end.motion @ turns[PER * (count - 1) + LOOSE * k :][:LOOSE]
+            out[rows][:3] -= cross_matrix(W[:3]) @ moved[3:]
+            out[rows][3:] -= cross_matrix(W[3:]) @ moved[3:] + cross_matrix(W[:3]) @ moved[:3]
         for j in range(count - 1):
             psi = turns[PER * j : PER * j + 3]
             for at, W in (
@@ -115,4 +152,20 @@ class CoupledTangent:
             ):
                 out[at : at + 3] -= cross_matrix(W[:3]) @ psi
                 out[at + 3 : at + 6] -= cross_matrix(W[3:]) @ psi
-        return turn @ out @ turn.T
+
+
+class Whole:
+    """The linearised equations of a cable of one piece; implements `equilibrium.Linearised`."""
+
+    __slots__ = ("_inner",)
+
+    def __init__(self, inner: CoupledTangent) -> None:
+        self._inner = inner
+
+    def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
+        """See `Equilibrium.wrench_response`."""
+        return self._inner.response(obstacles)
+
+    def modes(self, count: int, points: int) -> Modes:
+        """See `Equilibrium.modes`."""
+        return self._inner.modes(count, [np.linspace(0.0, 1.0, points)])

@@ -27,13 +27,17 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.compilation import LEAF_ENTRY, njit
-from cable_ros.linalg.cross import cross
+from cable_ros.linalg.cross import cross, cross_matrix
 
 TANGENT = np.array([0.0, 0.0, 1.0])
 START, END = slice(0, 6), slice(6, 12)
 PER = 4
 """Unknowns of a support: rotation of its section about the section's own axes, rad, and arc length, m. Those
 that it holds are there, too, and stay."""
+LOOSE = 6
+"""Unknowns of a loose end: rotations of its section, rad, and lengths, m, see `Loose`."""
+NEUTRAL = 1e-6
+"""Eigenvalue, over the stiffness of straight pieces, below which a cable may turn freely: its rounding."""
 WRENCH = 0.1
 """Weight of a relative change of the wrenches beside a rotation in rad: each may be 1 / 0.1 as inexact."""
 
@@ -106,22 +110,57 @@ class Side(NamedTuple):
         return cls(ends, response, growth)
 
 
+class Loose(NamedTuple):
+    """A section at an end of the cable that nothing clamps, as its equations see it; SI, section's axes."""
+
+    which: int
+    """0: at the start, 1: at the end."""
+    motion: np.ndarray
+    """(6, 6) translation and rotation of the section by its unknowns: three rotations, three lengths."""
+    load: np.ndarray
+    """(6,) given force and moment on the cable."""
+    bends: np.ndarray
+    """(3, 3) Hessian of the gap to what the section rests on, 1/m, by its three lengths, the last of which is
+    along the normal; zeros if it touches nothing."""
+    by_turn: np.ndarray
+    """(6, 3) derivative of the load by rotations of the axes that it is given along, about these, at rest
+    itself; zeros at an end that its mount takes along."""
+
+    def residual(self, wrench: np.ndarray) -> np.ndarray:
+        """(6,) derivative of the energy by its unknowns; `wrench` (6,): of the piece on what holds it."""
+        return -self.motion.T @ (wrench + self.load)
+
+    def turned(self, wrench: np.ndarray) -> np.ndarray:
+        """(6, 6) derivative of the residual by its unknowns with the wrench (6,) held."""
+        out, (along, spins) = np.zeros((6, 6)), (self.motion[:3, 3:], self.motion[3:, :3])
+        out[3:, :3] = along.T @ cross_matrix(wrench[:3]) @ spins
+        out[:3, :3] = -spins.T @ cross_matrix(self.load[3:]) @ spins
+        out[3:, 3:] = -self.residual(wrench)[5] * self.bends
+        return out
+
+
 class System(NamedTuple):
-    """The supports' equations about a state of n + 1 pieces, for n supports."""
+    """The supports' equations about a state of n + 1 pieces, for N = 4 n + 6 m unknowns.
+
+    They are those of n supports, then those of m loose ends.
+    """
 
     residual: np.ndarray
-    """(4 n,) derivative of the energy by rotation and arc length of each support, less a ring's friction."""
+    """(N,) derivative of the energy by the unknowns, less a ring's friction."""
     tangent: np.ndarray
-    """(4 n, 4 n) its derivative."""
+    """(N, N) its derivative."""
     by_wrenches: np.ndarray
-    """(4 n, 12 (n + 1)) derivative of the residual by the pieces' wrenches."""
+    """(N, 12 (n + 1)) derivative of the residual by the pieces' wrenches."""
     spread: np.ndarray
-    """(12 (n + 1) + 6 k, 4 n) derivative of wrenches, also on obstacles, by the unknowns."""
+    """(12 (n + 1) + 6 k, N) derivative of wrenches, also on obstacles, by the unknowns."""
 
 
-def residual_of(ends: Sequence[Ends], friction: np.ndarray) -> np.ndarray:
+def residual_of(ends: Sequence[Ends], friction: np.ndarray, loose: Sequence[Loose] = ()) -> np.ndarray:
     """`System.residual`; `friction` (n,): coefficient times direction, see `assemble`."""
-    out = np.empty(PER * len(friction))
+    out = np.empty(PER * len(friction) + LOOSE * len(loose))
+    for i, end in enumerate(loose):
+        at = PER * len(friction) + LOOSE * i
+        out[at : at + LOOSE] = end.residual(ends[-end.which].wrenches[END if end.which else START])
     for j, slip in enumerate(friction):
         before, after = ends[j], ends[j + 1]
         total = before.wrenches[END] + after.wrenches[START]
@@ -131,18 +170,19 @@ def residual_of(ends: Sequence[Ends], friction: np.ndarray) -> np.ndarray:
     return out
 
 
-def assemble(sides: Sequence[Side], friction: np.ndarray) -> System:
-    """The equations of n supports between n + 1 pieces.
+def assemble(sides: Sequence[Side], friction: np.ndarray, loose: Sequence[Loose] = ()) -> System:
+    """The equations of n supports between n + 1 pieces, and of loose ends.
 
     Args:
         sides: the pieces, with the same k obstacles.
         friction: (n,) of each ring, mu where the cable slides towards its end, -mu where it slides back, 0
             without friction: the difference of the tensions is that times the force across the cable.
+        loose: the loose ends.
     """
     count, n = len(sides), len(friction)
     obstacles = sides[0].response.shape[0] - 12
-    size = 12 * count
-    by_wrenches, spread = np.zeros((PER * n, size)), np.zeros((size + obstacles, PER * n))
+    size, unknowns = 12 * count, PER * n + LOOSE * len(loose)
+    by_wrenches, spread = np.zeros((unknowns, size)), np.zeros((size + obstacles, unknowns))
     for j, slip in enumerate(friction):
         before, after, at = sides[j], sides[j + 1], PER * j
         end, start = slice(12 * j + 6, 12 * j + 12), slice(12 * j + 12, 12 * j + 18)
@@ -158,43 +198,66 @@ def assemble(sides: Sequence[Side], friction: np.ndarray) -> System:
             rows = np.r_[12 * i : 12 * i + 12, size : size + obstacles]
             spread[rows, at : at + 3] += side.response[:, own][:, 3:]
             spread[rows, at + 3] += sign * side.growth
-    return System(
-        residual_of([side.ends for side in sides], friction), by_wrenches @ spread[:size], by_wrenches, spread
-    )
+    for k, end in enumerate(loose):
+        i, own = end.which * (count - 1), END if end.which else START
+        at = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))
+        rows = np.r_[12 * i : 12 * i + 12, size : size + obstacles]
+        spread[rows, at] += sides[i].response[:, own] @ end.motion
+        by_wrenches[at, 12 * i + own.start : 12 * i + own.stop] = -end.motion.T
+    tangent = by_wrenches @ spread[:size]
+    for k, end in enumerate(loose):
+        at = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))
+        tangent[at, at] += end.turned(sides[-end.which].ends.wrenches[END if end.which else START])
+    residual = residual_of([side.ends for side in sides], friction, loose)
+    return System(residual, tangent, by_wrenches, spread)
 
 
 def judged(tangent: np.ndarray, free: np.ndarray, scale: np.ndarray) -> float:
     """Least eigenvalue of the symmetric part of the tangent at the free unknowns, over `scale`.
 
     Args:
-        tangent: (4 n, 4 n) of `System`, without friction.
-        free: (4 n,) which unknowns there are.
-        scale: (4 n,) stiffness that belongs to each, N m or N / m.
+        tangent: (N, N) of `System`, without friction.
+        free: (N,) which unknowns there are.
+        scale: (N,) stiffness that belongs to each, N m or N / m.
     """
     root = np.sqrt(scale[free])
     K = tangent[np.ix_(free, free)] / root / root[:, None]
     return float(np.linalg.eigvalsh(0.5 * (K + K.T))[0])
 
 
+def inverse_but_neutral(tangent: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """(k, k) inverse on what takes up a load: a cable that turns freely stays where it is.
+
+    `tangent` (k, k), `scale` (k,): as in `judged`, at the free unknowns.
+    """
+    root = np.sqrt(scale)
+    U, sizes, V = np.linalg.svd(tangent / root / root[:, None])
+    sizes = np.where(sizes > NEUTRAL, sizes, np.inf)
+    inverse: np.ndarray = (V.T / sizes) @ U.T / root / root[:, None]
+    return inverse
+
+
 @njit(**LEAF_ENTRY)
-def step_size(step, shortest, spread, wrenches):  # type: ignore[no-untyped-def]
+def step_size(step, lengths, shortest, spread, wrenches, least):  # type: ignore[no-untyped-def]
     """Of a step: largest rotation, rad, shift over the shortest length, or part of a wrench times `WRENCH`.
 
     Args:
-        step: (4 n,).
+        step: (N,).
+        lengths: (N,) which unknowns are lengths.
         shortest: length of a piece, m.
-        spread: (12 (n + 1) or more, 4 n) of `System`; (0, 4 n) if it is not known.
+        spread: (12 (n + 1) or more, N) of `System`; (0, N) if it is not known.
         wrenches: (12 (n + 1),) of the pieces.
+        least: (2,) force and moment that count as nothing.
     """
     size = 0.0
     for k in range(step.shape[0]):
-        size = max(size, abs(step[k]) / (shortest if k % PER == PER - 1 else 1.0))
+        size = max(size, abs(step[k]) / (shortest if lengths[k] else 1.0))
         if step[k] != step[k]:
             return np.nan
     if spread.shape[0] == 0:
         return size
     for kind in range(2):  # force, moment
-        change, whole = 0.0, 1e-300
+        change, whole = 0.0, least[kind]
         for i in range(wrenches.shape[0]):
             if i // 3 % 2 == kind:
                 v = 0.0

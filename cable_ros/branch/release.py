@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupled_tangent import CoupledTangent
-from cable_ros.branch.coupling import assemble
+from cable_ros.branch.coupling import NEUTRAL, assemble
 
 RADIUS, LARGEST, SMALLEST = 0.2, 0.3, 1e-7
 """Trust region: first, largest and smallest radius, rad."""
@@ -32,8 +32,9 @@ NUDGE = 1e-4
 class Release:
     """The energy as a function of what the supports share."""
 
-    move: Callable[[Shared, bool], bool]
-    """Moves the pieces to a state; if they cannot follow, they stay. True: each may fall to another."""
+    move: Callable[[Shared, bool], Shared | None]
+    """Moves the pieces to a state, a free end at most as far as an obstacle, and gives that; if they cannot
+    follow, they stay. True: each may fall to another."""
     back: Callable[[Shared], None]
     """Moves them back to the state before."""
     energy: Callable[[], float]
@@ -41,22 +42,31 @@ class Release:
     tangent: Callable[[Shared], CoupledTangent]
     """About the present state."""
     scale: np.ndarray
-    """(4 n,) stiffness that belongs to each unknown."""
-    free: np.ndarray
-    """(4 n,) which unknowns there are."""
+    """(N,) stiffness that belongs to each unknown."""
+    free: Callable[[], np.ndarray]
+    """(N,) which unknowns there are at present."""
+    landed: Callable[[Shared], Shared]
+    """The present state with free ends off what they do not press on."""
+    turns_freely: bool = False
+    """Whether there may be a motion that takes no energy."""
 
 
 def descend(problem: Release, state: Shared) -> Shared | None:
     """The minimum that a trust-region descent from `state` ends at; None: it got stuck."""
-    free = problem.free
-    weight = np.sqrt(problem.scale[free] / problem.scale[0])
     radius, energy, model = RADIUS, problem.energy(), None
     for _ in range(STEPS):
         if model is None:
-            system = assemble(problem.tangent(state).sides(), np.zeros(len(state.arcs)))
+            state = problem.landed(state)
+            free, tangent = problem.free(), problem.tangent(state)
+            weight = np.sqrt(problem.scale[free] / problem.scale[0])
+            system = assemble(tangent.sides(), np.zeros(len(state.arcs)), tangent.loose)
             K = system.tangent[np.ix_(free, free)] / weight / weight[:, None]
             values, vectors = np.linalg.eigh(0.5 * (K + K.T))
-            model = values, vectors, vectors.T @ (system.residual[free] / weight)
+            g = vectors.T @ (system.residual[free] / weight)
+            if problem.turns_freely:
+                neutral = np.abs(values) < NEUTRAL * problem.scale[0]
+                values, g = np.where(neutral, NEUTRAL * problem.scale[0], values), np.where(neutral, 0.0, g)
+            model = values, vectors, g
         values, vectors, g = model
         y = _step(values, g, radius)
         if values[0] > 0.0 and np.abs(y).max() < EXACT:
@@ -65,8 +75,9 @@ def descend(problem: Release, state: Shared) -> Shared | None:
         step = np.zeros(len(free))
         step[free] = vectors @ y / weight
         to = state.moved(step)
-        if problem.move(to, radius < FALL):
-            new = problem.energy()
+        moved = problem.move(to, radius < FALL)
+        if moved is not None:
+            to, new = moved, problem.energy()
             slack = ROUNDING * (abs(energy) + abs(new))
             if energy - new >= ENOUGH * expected - slack:
                 if energy - new > 0.75 * expected and np.linalg.norm(y) > 0.8 * radius:

@@ -3,16 +3,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from cable_ros.branch.balance import HELD, LEAST, Balance
 from cable_ros.branch.coupled_state import Shared, first_guess, reachable
+from cable_ros.branch.hanging import plausible
+from cable_ros.branch.loose_ends import Tip
 from cable_ros.branch.release import Release, descend
 from cable_ros.equilibrium import Status
 from cable_ros.scene import Kinematics
 
 SLIDE, MOST_SLIDES = 0.05, 200
 """Step of a cable that friction does not hold, as a fraction of the shortest piece, and their number."""
+
+WINDING, LEAST_WINDING = 0.25, 1e-3
+"""First and smallest step in which a given moment grows, as parts of it."""
 
 
 class Released(Balance):
@@ -25,19 +32,42 @@ class Released(Balance):
 
         None, or status and message of the piece that failed, and its number here.
         """
-        Balance.reset(self)
-        length = self.run.length
-        arcs = np.array([support.arc_length for support in self.run.supports])
-        guess = first_guess(mounts, reachable(mounts, arcs, length, self._guides), length, self._tubes)
-        for i, (piece, place) in enumerate(zip(self.pieces, guess.places(mounts, length), strict=True)):
-            found = piece.find(kinematics, joints, place)
-            if not found.converged:
-                return found.status, found.message, i
-        self._joints, self.state = joints, guess
-        if self._snap(kinematics, joints, mounts):
-            return None
+        length, problem = self.run.length, None
+        for tips in self._tips(kinematics, joints, mounts):
+            Balance.reset(self)
+            held = mounts.copy()
+            for tip in tips:
+                held[-tip.which, tip.which] = tip.pose(mounts[-tip.which, tip.which])
+            arcs = np.array([support.arc_length for support in self.run.supports])
+            guess = first_guess(held, reachable(held, arcs, length, self._guides), length, self._tubes)
+            guess = guess._replace(tips=tips)
+            for i, (piece, place) in enumerate(zip(self.pieces, guess.places(mounts, length), strict=True)):
+                found = piece.find(kinematics, joints, place)
+                if not found.converged:
+                    problem = problem or (found.status, found.message, i)
+                    break
+            else:
+                self._joints, self.state = joints, guess
+                if self._snap(kinematics, joints, mounts):
+                    return None
+                what = "ends" if self.loose else "supports"
+                message = f"No stable equilibrium was found as its {what} were released."
+                problem = Status.NOT_CONVERGED, message, 0
         self.state = None
-        return Status.NOT_CONVERGED, "No stable equilibrium was found as its supports were released.", 0
+        return problem or (Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, 0)
+
+    def _tips(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray
+    ) -> Iterator[tuple[Tip, ...]]:
+        """Where loose ends may be at first; nothing, once, without any."""
+        if not self.loose:
+            yield ()
+            return
+        rows = self._rows(kinematics, joints)
+        first, last = self.pieces[0], self.pieces[-1]
+        for poses in plausible(self.run, self.loose, (first, last), mounts, rows):
+            pairs = [(end, mounts[-end.which, end.which]) for end in self.loose]
+            yield tuple(end.tip(poses[end.which], mount) for end, mount in pairs)
 
     def _snap(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> bool:
         """Descend the energy from the last equilibrium to a stable one; whether one was found.
@@ -47,7 +77,11 @@ class Released(Balance):
         assert self.state is not None
         for piece in self.pieces:
             piece.rub(False)
+        self._wound = 0.0
         found = self._descended(kinematics, joints, mounts)
+        if found is not None:
+            found = self._wind(kinematics, joints, mounts, found)
+        self._wound = 1.0
         for piece in self.pieces:
             piece.rub(True)
         if found is not None:
@@ -66,23 +100,36 @@ class Released(Balance):
         def energy() -> float:
             return self._energy(mounts, state)
 
-        def move(to: Shared, fall: bool) -> bool:
+        def move(to: Shared, fall: bool) -> Shared | None:
             nonlocal state
             self._keep()
+            faces, to = self._faces, self._caught(kinematics, joints, to)
             if not self._move(kinematics, joints, mounts, to, fall):
                 self._return()
-                return False
+                self._faces = faces
+                return None
             state = to
-            return True
+            return to
 
         def back(to: Shared) -> None:
             nonlocal state
             self._return()
+            self._faces = [None if tip.face is None else tip.face[::2] for tip in to.tips]
             state = to
 
+        def landed(at: Shared) -> Shared:
+            nonlocal state
+            if self._let_go(mounts, at):
+                state = self._faced(kinematics, joints, at)
+                return state
+            return at
+
         self._slides[:] = 0
-        sticks = ~self.free
-        release = Release(move, back, energy, lambda at: self.tangent(mounts, at), self.scale(), ~sticks)
+        release = Release(
+            move, back, energy, lambda at: self.tangent(mounts, at), self.scale(), lambda: self.free, landed,
+            self._turns_freely,
+        )  # fmt: skip
+        state = self._faced(kinematics, joints, state)
         found = descend(release, state)
         if found is not None:
             self.state = found
@@ -118,7 +165,7 @@ class Released(Balance):
             self._return()
             self._slides[:] = 0
             while step > LEAST * self.run.length:
-                on = Shared(stuck.turns, stuck.arcs - step * signs * over)
+                on = Shared(stuck.turns, stuck.arcs - step * signs * over, stuck.tips)
                 crept = self._corrected(kinematics, joints, mounts, on)
                 if crept is not None:
                     now, towards = self._excess()
@@ -136,4 +183,31 @@ class Released(Balance):
         state = self.state if state is None else state
         assert state is not None
         places = state.places(mounts, self.run.length)
-        return sum(piece.energy(place.poses) for piece, place in zip(self.pieces, places, strict=True))
+        whole = sum(piece.energy(place.poses) for piece, place in zip(self.pieces, places, strict=True))
+        return whole + self._given(mounts, state)
+
+    def _given(self, mounts: np.ndarray, state: Shared) -> float:
+        """Potential, J, of the forces that are given at loose ends."""
+        pairs = zip(self.loose, state.tips, strict=True)
+        return sum(end.energy(tip, mounts[-end.which, end.which]) for end, tip in pairs)
+
+    def _wind(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, found: Shared
+    ) -> Shared | None:
+        """Lead the equilibrium on as given moments, which have no energy, grow from nothing; None: it ends."""
+        if not any(end.mount.moment.any() for end in self.loose):
+            return found
+        self.state, at, step = found, 0.0, WINDING
+        self._keep()
+        while at < 1.0:
+            self._wound, self._inverse, self._judged_at = min(1.0, at + step), None, None
+            on = self._newton(kinematics, joints, mounts, self.state)
+            if on is not None and self._stable(joints, mounts, on):
+                self.state, at, step = on, self._wound, 2.0 * step
+                self._keep()
+                continue
+            self._return()
+            step *= 0.5
+            if step < LEAST_WINDING:
+                return None
+        return self.state

@@ -18,6 +18,7 @@ from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.shearing_rod import without_shear
 from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.rod.kirchhoff import Rod
 from cable_ros.scene import Kinematics
 
 FREE_COLD_WORK = 300_000
@@ -83,6 +84,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             self.tolerance,
             self._sought_compliance,
             self._ends,
+            self._counts,
         )
         return self._search(Pending(Search(sought), joints, poses, loss_cause), begin)
 
@@ -110,6 +112,11 @@ class SearchedEquilibrium(TrackedEquilibrium):
         self._grid_history, self._taut_force, self._share = None, VERY_TAUT, 1.0
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
+
+    @property
+    def _counts(self) -> float:
+        """See `Rod.least`, of a rod that a search begins with."""
+        return Rod.least
 
     @property
     def _sought_compliance(self) -> np.ndarray | None:

@@ -4,22 +4,25 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from cable_ros.branch.cable_tracker import CableTracker
-from cable_ros.branch.cold_start import Conditions
+from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.coupling import Ends, Section
 from cable_ros.branch.held_ends import ends_of
 from cable_ros.branch.results import Reader, Tangent
-from cable_ros.branch.searched_equilibrium import ALGEBRAIC
+from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY
 from cable_ros.branch.snap_through import snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.lengthening import lengthen
+from cable_ros.contact.overlaps import OUTLINE
 from cable_ros.contact.points import BEFORE, FRICTION
 from cable_ros.contact.travel import SHORTER, travel
 from cable_ros.effects.effect import Properties
@@ -31,7 +34,8 @@ from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.units import Units, relative
 from cable_ros.rod.without_contact import SAME
-from cable_ros.scene import Kinematics
+from cable_ros.scene import Cable, Kinematics
+from cable_ros.scene.model import CLAMPED, Mount
 
 MOST_TURN = 0.35
 """Maximum rotation of a section in one attempt, rad."""
@@ -39,6 +43,9 @@ STALLED = 10.0
 """Algebraic tolerance of a piece in which rounding is larger, over the usual one."""
 REMEDY = "It stays so until reset is called (of the node: ~/reset), which takes that of a cold start."
 """When a branch is known again that pieces share: motion alone does not tell."""
+ROUGHLY = 1e-2
+"""Tolerance of an equilibrium without obstacles, beside which one is searched for."""
+WORLD = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 LENGTHENED = 1e-3
 """Relative change of the length after which a piece is judged again, also if no section has turned."""
 
@@ -104,6 +111,20 @@ class SharedPiece(CableTracker):
     _known_ends: tuple[tuple[object, ...], Ends] | None = None
     """The ends of the equilibrium known last, and which that is."""
 
+    def __init__(
+        self, cable: Cable, properties: Properties, tolerance: float, polyline_points: int,
+        obstacle_names: Sequence[str] = (), loose: bool = False,
+    ) -> None:  # fmt: skip
+        """As `TrackedEquilibrium`; `loose`: its ends that are not clamps are solved outside, see `loose_ends`."""
+        held = cable
+        if loose:
+            start, end = (replace(mount, kind=CLAMPED, turns=False) for mount in cable.mounts)
+            held = replace(cable, start=start, end=end)
+        super().__init__(held, properties, tolerance, polyline_points, obstacle_names)
+        load = sum(float(np.linalg.norm(mount.force)) for mount in cable.mounts) / self._units.force
+        bend = sum(float(np.linalg.norm(mount.moment)) for mount in cable.mounts) / self._units.moment
+        self._load = load + bend if loose else None
+
     def reset(self) -> None:
         super().reset()
         self._reader, self._outline = Reader(slides=True), Reader(slides=True)
@@ -113,6 +134,51 @@ class SharedPiece(CableTracker):
             properties = replace(properties, length=self._length)
         super()._use(properties)
         self._rough = self._model
+
+    @property
+    def unit(self) -> tuple[float, float]:
+        """EI / L^2 and EI / L, N and N m."""
+        return self._units.force, self._units.moment
+
+    def obstacles(self, kinematics: Kinematics, joints: np.ndarray) -> np.ndarray | None:
+        """(o, WIDTH) of `contact.distance` in the world, SI; None: there are none."""
+        if self._obstacles is None:
+            return None
+        return placed(self._obstacles, kinematics.obstacle_poses(joints), WORLD, 1.0)
+
+    def without_obstacles(
+        self, mounts: tuple[Mount, Mount], poses: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Points (n, 3), m, and frames (n, 4), world, of its equilibria between `mounts` at `poses` (2, 7) if
+        there were no obstacles; by rising energy.
+        """
+        ends, unit = ends_of(*mounts, self._units), self._units
+        there = Conditions(*relative(poses, IDENTITY, self._weight, unit.length, unit.force))
+        if ends is None or not ends.chord(there.qe, there.re) < 1.0:
+            return []
+        out = []
+        section = self._stiffness, self._natural
+        for one in equilibria(*section, there, None, ROUGHLY, False, None, ends):
+            start = poses[0].copy()
+            if not ends.start.held:
+                turn = quaternion.matrix_from_ros(start[3:])
+                start[:3] = poses[1, :3] - unit.length * turn @ one.rod.totals[:3]
+            out.append(Reader().read(one.rod, one.q, one.F, start, unit, OUTLINE)[2:])
+        return out
+
+    @property
+    def _counts(self) -> float:
+        """Wrench that counts as nothing: at an end that bears none, that of the loads is what is told of."""
+        if self._load is None:
+            return Rod.least
+        weight = float(np.linalg.norm(self._weight)) / self._units.force * self.length
+        load = self._load + weight
+        return max(Rod.least, 0.5 * min(load, np.sqrt(load)))
+
+    def _take(self, found: Found, joints: np.ndarray) -> None:
+        if self._load is not None:
+            found.rod.least = self._counts
+        super()._take(found, joints)
 
     @property
     def rubs(self) -> bool:

@@ -59,7 +59,9 @@ class TouchingRod(ActiveSetRod):
         self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray, tolerance: float, scale: float
     ) -> TouchingRod:
         """A rod of this kind without contacts; `scale` as in `variant`."""
-        return TouchingRod(mesh, stiffness, natural, tolerance, self.density)
+        new = TouchingRod(mesh, stiffness, natural, tolerance, self.density)
+        new.least = self.least
+        return new
 
     def for_tolerance(self, tolerance: float) -> TouchingRod:
         return self if tolerance == self.tolerance else self.variant(tolerance=tolerance)

@@ -14,7 +14,7 @@ from cable_ros.scene.cables import CABLE, check_density, read_cable
 from cable_ros.scene.caps import MOST_CABLES, MOST_OBSTACLES, MOST_URDF_CHARACTERS
 from cable_ros.scene.errors import SceneError, suggestion
 from cable_ros.scene.fields import Field, Size, vector
-from cable_ros.scene.model import CLAMPED, EFFECTS, Cable, Robot, Scene
+from cable_ros.scene.model import CLAMPED, EFFECTS, FREE, Cable, Robot, Scene
 from cable_ros.scene.obstacles import OBSTACLE, RADIUS_WORDS, Obstacle, read_obstacles
 from cable_ros.scene.placement import read_link
 from cable_ros.scene.section import Section, describe, plain
@@ -146,7 +146,7 @@ def load_scene(
     effects = _effects(top)
     if obstacles:
         _check_strain_with_contact(top, cables, obstacles, friction_model, effects)
-        _check_clamps_with_contact(top, cables, effects)
+        _check_free_ends_with_friction(top, cables, obstacles, effects)
         _check_friction_with_supports(top, cables, obstacles, friction_model, effects)
     cable_contact, cable_friction = _cable_contact(top, effects)
     if cable_contact:
@@ -179,14 +179,20 @@ def _check_strain_with_contact(
                 )
 
 
-def _check_clamps_with_contact(top: Section, cables: list[Cable], effects: str | tuple[str, ...]) -> None:
-    """The equations of contact are those of a cable between two clamps."""
+def _check_free_ends_with_friction(
+    top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], effects: str | tuple[str, ...]
+) -> None:
+    """A free end that lies on something rubs along it, too, which no equation here knows."""
+    if not any(one.friction for one in obstacles):
+        return
+    if not isinstance(effects, str) and not {"contact", "friction"} <= set(effects):
+        return
     for i, cable in enumerate(cables):
         for name, mount in (("start", cable.start), ("end", cable.end)):
-            if mount.kind != CLAMPED and (isinstance(effects, str) or "contact" in effects):
+            if mount.kind == FREE:
                 top.fail(
-                    f"a {mount.kind} end and contact cannot be combined yet; clamp it, leave the obstacles "
-                    "out, or let 'effects' list what there is without contact",
+                    "a free end and friction of obstacles cannot be combined yet; leave 'friction' of the "
+                    "obstacles out, or let 'effects' list what there is without it",
                     f"cables[{i}].{name}.kind",
                 )
 
@@ -201,6 +207,13 @@ def _check_friction_with_supports(
     if not (isinstance(effects, str) or "friction" in effects) or not any(one.friction for one in obstacles):
         return
     for i, cable in enumerate(cables):
+        for name, mount in (("start", cable.start), ("end", cable.end)):
+            if mount.kind != CLAMPED:
+                top.fail(
+                    f"a {mount.kind} end and friction_model sliding cannot be combined; choose coulomb, leave "
+                    "'friction' of the obstacles out, or let 'effects' list what there is without it",
+                    f"cables[{i}].{name}.kind",
+                )
         for support in cable.supports:
             if support.couples:
                 top.fail(

@@ -218,6 +218,11 @@ class Scene:
         return tuple(piece for cable in self.cables for piece in cable.pieces)
 
     @property
+    def has_contact(self) -> bool:
+        """Whether its cables may touch obstacles."""
+        return bool(self.obstacles) and (isinstance(self.effects, str) or "contact" in self.effects)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about what became of the robot's links as obstacles; mostly none."""
         held = [

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the loose ends of a cable among obstacles may be at first: as it hangs, lies or stands without them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from cable_ros.branch.landing import pushed_out
+from cable_ros.branch.loose_ends import LooseEnd, Surface
+from cable_ros.branch.shared_piece import SharedPiece
+from cable_ros.contact.distance import nearest
+from cable_ros.rod import quaternion
+from cable_ros.scene import Cable
+
+MOST = 3
+"""Maximum number of equilibria without obstacles that are begun with."""
+SLACK = 0.97
+"""Part of what is left of the cable, beyond where it comes to lie, that is laid out straight."""
+AHEAD = 0.95
+"""Distance of a free end from the other end, as a fraction of the length, as it begins straight."""
+STEEP = 0.1
+"""Minimum sine of the angle to the normal at which a cable that comes down goes on in its own direction."""
+Z_AXIS = np.array([0.0, 0.0, 1.0])
+ASIDE = np.array([-1.0, 3.0, 2.0])
+"""A direction that no drawn scene has, to fall to."""
+
+
+def plausible(
+    run: Cable, loose: Sequence[LooseEnd], pieces: Sequence[SharedPiece], mounts: np.ndarray,
+    rows: np.ndarray | None,
+) -> Iterator[np.ndarray]:  # fmt: skip
+    """Poses (2, 7) of the first and of the last section, world, one after the other.
+
+    Args:
+        run: the cable.
+        loose: its loose ends.
+        pieces: the first and the last one.
+        mounts: (n + 1, 2, 7) of the ends of the pieces, world.
+        rows: (o, WIDTH) the obstacles in the world, SI.
+    """
+    free = next((end.which for end in loose if end.free), None)
+    shapes = pieces[0].without_obstacles(run.mounts, mounts[0])[:MOST] if not run.supports else []
+    for points, frames in shapes:
+        poses = np.concatenate([points, frames], axis=1)
+        if free is None or rows is None or nearest(rows, points[-free])[0] >= 0.0:
+            yield poses[[0, -1]]
+        if free is not None and rows is not None:
+            draped = _draped(poses if free else poses[::-1], run.length, rows, 1.0 if free else -1.0)
+            if draped is not None:
+                yield np.stack([poses[0], draped] if free else [draped, poses[-1]])
+    yield _straight(run, loose, mounts, rows)
+
+
+def _draped(poses: np.ndarray, length: float, rows: np.ndarray, sign: float) -> np.ndarray | None:
+    """(7,) the free end if what is beyond the first point inside of an obstacle is laid out along that.
+
+    Args:
+        poses: (n, 7) of sections, from the other end on.
+        length: m.
+        rows: as in `plausible`.
+        sign: 1 if tangents point to the free end, else -1.
+    """
+    inside = next((i for i in range(1, len(poses)) if nearest(rows, poses[i, :3])[0] < 0.0), None)
+    if inside is None:
+        return None
+    which, frame = nearest(rows, poses[inside, :3])[1], quaternion.from_ros(poses[inside, 3:])
+    place = pushed_out(poses[inside, :3], rows)
+    n, onward = Surface.at(rows[which], place).normal, sign * quaternion.rotate(frame, Z_AXIS)
+    ahead = sign * quaternion.rotate(quaternion.from_ros(poses[0, 3:]), Z_AXIS)
+    for way in (onward, ahead, ASIDE / np.linalg.norm(ASIDE)):
+        flat = way - (way @ n) * n
+        if np.linalg.norm(flat) > STEEP:
+            break
+    flat /= np.linalg.norm(flat)
+    left = length * (1.0 - inside / (len(poses) - 1))
+    turn = quaternion.multiply(quaternion.between(onward, flat), frame)
+    return np.concatenate([pushed_out(place + SLACK * left * flat, rows), quaternion.to_ros(turn)])
+
+
+def _straight(
+    run: Cable, loose: Sequence[LooseEnd], mounts: np.ndarray, rows: np.ndarray | None
+) -> np.ndarray:
+    """(2, 7) loose ends straight ahead of what is next to them."""
+    poses = np.stack([mounts[0, 0], mounts[-1, 1]])
+    for end in loose:
+        beside, sign = mounts[-end.which, 1 - end.which], 1.0 if end.which else -1.0
+        frame = quaternion.from_ros(beside[3:])
+        ahead = quaternion.rotate(frame, sign * Z_AXIS)
+        reach = AHEAD * run.length / len(mounts)
+        position = pushed_out(beside[:3] + reach * ahead, rows) if end.free else poses[end.which, :3]
+        chord = position - beside[:3]
+        size = float(np.linalg.norm(chord))
+        if size > 0.0:
+            frame = quaternion.multiply(quaternion.between(ahead, chord / size), frame)
+        poses[end.which] = np.concatenate([position, quaternion.to_ros(frame)])
+    return poses

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Free ends that come down on obstacles, rest or lie there, and leave them; see `loose_ends`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cable_ros.branch.coupling import Loose
+from cable_ros.branch.loose_ends import ALONG, PITCH, Face, LooseEnd, Surface, Tip
+from cable_ros.contact.distance import nearest
+
+INSIDE = 1e-9
+"""Depth, as a fraction of the length, at which a free end touches."""
+PULLS = 1e-7
+"""Force, EI / L^2, and moment, EI / L, with which a face may hold an end that it should let go: rounding."""
+LEVEL = 1e-12
+"""Minimum sine of the angle by which the cable beside an end goes into a face."""
+
+Touch = tuple[int, bool] | None
+"""The number of the obstacle that an end rests on, and whether it lies there; None: it touches nothing."""
+
+
+def faced(tip: Tip, touch: Touch, rows: np.ndarray | None) -> Tip:
+    """A tip on what it touches; `rows` (o, WIDTH): the obstacles in the world, SI."""
+    if touch is None or rows is None:
+        if tip.face is None:
+            return tip
+        return tip._replace(face=None, axes=np.eye(3), spins=np.eye(3))
+    return tip._replace(face=Face(touch[0], rows[touch[0]], touch[1])).on_face()
+
+
+def caught(end: LooseEnd, tip: Tip, rows: np.ndarray | None, length: float) -> Touch:
+    """What a tip touches after a step that may have led it into an obstacle."""
+    here = None if tip.face is None else (tip.face.obstacle, tip.face.lies)
+    if not end.free or rows is None:
+        return None
+    distance, which = nearest(rows, tip.position)
+    if distance >= -INSIDE * length or (here is not None and here[0] == which):
+        return here
+    return int(which), False
+
+
+def let_go(tip: Tip, loose: Loose, wrench: np.ndarray, unit: tuple[float, float]) -> Touch:
+    """What a tip touches at a solution with what it touched.
+
+    Args:
+        tip, loose: of the solution.
+        wrench: (6,) of the piece on the section.
+        unit: EI / L^2 and EI / L of the cable.
+    """
+    if tip.face is None:
+        return None
+    out, force, moment = loose.residual(wrench), PULLS * unit[0], PULLS * unit[1]
+    flat = not Surface.at(tip.face.row, tip.position).bends.any()
+    if out[ALONG] < -force:
+        return None
+    if tip.face.lies:
+        down = out[PITCH] if tip.which else -out[PITCH]
+        return tip.face.obstacle, not down < -moment
+    if tip.leans > LEVEL:
+        # around what is curved the cable touches before its end
+        return (tip.face.obstacle, True) if flat else None
+    return tip.face.obstacle, False
+
+
+def pushed_out(position: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
+    """(3,) a point outside of all obstacles near one that may be inside."""
+    for _ in range(10):
+        if rows is None:
+            break
+        distance, which = nearest(rows, position)
+        if distance >= 0.0:
+            break
+        beside = Surface.at(rows[which], position)
+        position = position - beside.gap * beside.normal
+    return position
+
+
+def touches(faces: Sequence[Touch], tips: Sequence[Tip]) -> bool:
+    """Whether tips touch what `faces` say."""
+    return all(
+        face == (None if tip.face is None else (tip.face.obstacle, tip.face.lies))
+        for face, tip in zip(faces, tips, strict=True)
+    )
