@@ -22,7 +22,7 @@ from cable_ros.branch.coupling import (
     residual_of,
     step_size,
 )
-from cable_ros.branch.landing import caught, faced, let_go, touches
+from cable_ros.branch.landing import INSIDE, caught, faced, let_go, touches
 from cable_ros.branch.loose_ends import LooseEnd
 from cable_ros.branch.shared_piece import Kept, SharedPiece
 from cable_ros.rod import quaternion
@@ -76,7 +76,8 @@ class Balance:
         self.loose = loose
         per = np.arange(PER) == PER - 1, np.arange(LOOSE) >= LOOSE // 2
         self._lengths = np.concatenate([np.tile(per[0], len(self._guides)), np.tile(per[1], len(loose))])
-        self._turns_freely = len(loose) == 2 and all(end.mask[2] for end in loose)
+        spins = len(loose) == 2 and all(end.mask[2] for end in loose)
+        self._turns_freely = spins or any(end.free for end in loose)
         self.reset()
 
     def reset(self) -> None:
@@ -367,12 +368,14 @@ class Balance:
         pairs = zip(state.tips, self._faces, strict=True)
         return state._replace(tips=tuple(faced(tip, face, rows) for tip, face in pairs))
 
-    def _caught(self, kinematics: Kinematics, joints: np.ndarray, state: Shared) -> Shared:
-        """The state with free ends that are inside of obstacles on their surfaces."""
+    def _caught(
+        self, kinematics: Kinematics, joints: np.ndarray, state: Shared, least: float = INSIDE
+    ) -> Shared:
+        """The state with free ends on obstacles that are nearer than `least`, a fraction of the length."""
         if not any(end.free for end in self.loose):
             return state
-        rows, length = self._rows(kinematics, joints), self.run.length
-        faces = [caught(end, tip, rows, length) for end, tip in zip(self.loose, state.tips, strict=True)]
+        rows, least = self._rows(kinematics, joints), least * self.run.length
+        faces = [caught(end, tip, rows, least) for end, tip in zip(self.loose, state.tips, strict=True)]
         if touches(faces, state.tips):
             return state
         self._faces = faces

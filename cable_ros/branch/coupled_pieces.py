@@ -35,6 +35,7 @@ PATIENCE = 2
 """Number of poses in a row that it cannot be followed to, before an equilibrium is searched for again."""
 BEYOND = (1.0, 10.0, 100.0)
 """Steps of `SHORTEST` along the path at which a snap-through is tried."""
+OUT_OF_BALANCE = "The equations of an end that is not clamped could not be solved to the tolerance."
 JUMP = 0.05
 """Minimum rotation of a section in a support, rad, that shows another branch."""
 
@@ -231,6 +232,8 @@ class CoupledPieces(Released):
             # other meshes: the balance of the supports is another by their error
             assert self.state is not None
             exact = self._newton(kinematics, joints, mounts, self.state)
+            if exact is None and self.loose:
+                return self._failed(Status.NOT_CONVERGED, OUT_OF_BALANCE, begin)
             if exact is None:
                 break
             self._accept(joints, exact)

@@ -18,8 +18,8 @@ MOST = 3
 """Maximum number of equilibria without obstacles that are begun with."""
 SLACK = 0.97
 """Part of what is left of the cable, beyond where it comes to lie, that is laid out straight."""
-AHEAD = 0.95
-"""Distance of a free end from the other end, as a fraction of the length, as it begins straight."""
+REACHES = (0.95, 0.75, 0.5)
+"""Distances of a free end from the other end, as fractions of the length, where nothing else is known."""
 STEEP = 0.1
 """Minimum sine of the angle to the normal at which a cable that comes down goes on in its own direction."""
 Z_AXIS = np.array([0.0, 0.0, 1.0])
@@ -50,7 +50,7 @@ def plausible(
             draped = _draped(poses if free else poses[::-1], run.length, rows, 1.0 if free else -1.0)
             if draped is not None:
                 yield np.stack([poses[0], draped] if free else [draped, poses[-1]])
-    yield _straight(run, loose, mounts, rows)
+    yield from _fan(run, loose, mounts, rows, pieces[0].pull)
 
 
 def _draped(poses: np.ndarray, length: float, rows: np.ndarray, sign: float) -> np.ndarray | None:
@@ -79,20 +79,31 @@ def _draped(poses: np.ndarray, length: float, rows: np.ndarray, sign: float) -> 
     return np.concatenate([pushed_out(place + SLACK * left * flat, rows), quaternion.to_ros(turn)])
 
 
-def _straight(
-    run: Cable, loose: Sequence[LooseEnd], mounts: np.ndarray, rows: np.ndarray | None
-) -> np.ndarray:
-    """(2, 7) loose ends straight ahead of what is next to them."""
-    poses = np.stack([mounts[0, 0], mounts[-1, 1]])
-    for end in loose:
-        beside, sign = mounts[-end.which, 1 - end.which], 1.0 if end.which else -1.0
-        frame = quaternion.from_ros(beside[3:])
-        ahead = quaternion.rotate(frame, sign * Z_AXIS)
-        reach = AHEAD * run.length / len(mounts)
-        position = pushed_out(beside[:3] + reach * ahead, rows) if end.free else poses[end.which, :3]
-        chord = position - beside[:3]
-        size = float(np.linalg.norm(chord))
-        if size > 0.0:
-            frame = quaternion.multiply(quaternion.between(ahead, chord / size), frame)
-        poses[end.which] = np.concatenate([position, quaternion.to_ros(frame)])
-    return poses
+def _fan(
+    run: Cable, loose: Sequence[LooseEnd], mounts: np.ndarray, rows: np.ndarray | None, weight: np.ndarray
+) -> Iterator[np.ndarray]:
+    """Poses (2, 7) with loose ends ahead of what is next to them, and more and more below.
+
+    `weight` (3,): load per length, N/m.
+    """
+    pull = sum((mount.force for mount in run.mounts), run.length * weight)
+    size = float(np.linalg.norm(pull))
+    down = pull / size if size > 0.0 else np.zeros(3)
+    for reach in REACHES:
+        for part in (0.0, 0.5, 1.0):
+            poses, inside = np.stack([mounts[0, 0], mounts[-1, 1]]), False
+            for end in loose:
+                beside, sign = mounts[-end.which, 1 - end.which], 1.0 if end.which else -1.0
+                frame = quaternion.from_ros(beside[3:])
+                ahead = quaternion.rotate(frame, sign * Z_AXIS)
+                way = (1.0 - part) * ahead + part * down
+                if end.free and np.linalg.norm(way) > STEEP:
+                    way = reach * run.length / len(mounts) * way / np.linalg.norm(way)
+                    poses[end.which, :3] = beside[:3] + way
+                    inside |= rows is not None and nearest(rows, poses[end.which, :3])[0] < 0.0
+                chord = poses[end.which, :3] - beside[:3]
+                if chord.any():
+                    onto = quaternion.between(ahead, chord / np.linalg.norm(chord))
+                    poses[end.which, 3:] = quaternion.to_ros(quaternion.multiply(onto, frame))
+            if not inside:
+                yield poses

@@ -8,12 +8,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from cable_ros.branch.coupling import Loose
-from cable_ros.branch.loose_ends import ALONG, PITCH, Face, LooseEnd, Surface, Tip
+from cable_ros.branch.loose_ends import ALONG, PITCH, Z_AXIS, Face, LooseEnd, Surface, Tip
 from cable_ros.contact.distance import nearest
+from cable_ros.rod import quaternion
 
-INSIDE = 1e-9
-"""Depth, as a fraction of the length, at which a free end touches."""
-PULLS = 1e-7
+INSIDE, BESIDE = -1e-9, 1e-6
+"""Distance, as a fraction of the length, at which a free end touches; and at which it may begin to."""
+FLAT = 0.1
+"""Sine of the angle with a face below which an end that comes to it is taken to lie there, at first."""
+PULLS = 1e-6
 """Force, EI / L^2, and moment, EI / L, with which a face may hold an end that it should let go: rounding."""
 LEVEL = 1e-12
 """Minimum sine of the angle by which the cable beside an end goes into a face."""
@@ -31,15 +34,17 @@ def faced(tip: Tip, touch: Touch, rows: np.ndarray | None) -> Tip:
     return tip._replace(face=Face(touch[0], rows[touch[0]], touch[1])).on_face()
 
 
-def caught(end: LooseEnd, tip: Tip, rows: np.ndarray | None, length: float) -> Touch:
-    """What a tip touches after a step that may have led it into an obstacle."""
+def caught(end: LooseEnd, tip: Tip, rows: np.ndarray | None, least: float) -> Touch:
+    """What a tip touches if its distance, m, from an obstacle is less than `least`."""
     here = None if tip.face is None else (tip.face.obstacle, tip.face.lies)
     if not end.free or rows is None:
         return None
     distance, which = nearest(rows, tip.position)
-    if distance >= -INSIDE * length or (here is not None and here[0] == which):
+    if distance >= least or (here is not None and here[0] == which):
         return here
-    return int(which), False
+    beside = Surface.at(rows[which], tip.position)
+    lean = float(quaternion.rotate(tip.turn, Z_AXIS) @ beside.normal)
+    return int(which), abs(lean) < FLAT and not beside.bends.any()
 
 
 def let_go(tip: Tip, loose: Loose, wrench: np.ndarray, unit: tuple[float, float]) -> Touch:
@@ -54,11 +59,12 @@ def let_go(tip: Tip, loose: Loose, wrench: np.ndarray, unit: tuple[float, float]
         return None
     out, force, moment = loose.residual(wrench), PULLS * unit[0], PULLS * unit[1]
     flat = not Surface.at(tip.face.row, tip.position).bends.any()
-    if out[ALONG] < -force:
-        return None
     if tip.face.lies:
+        # its force is none, and known no better than the pressure beside it; moments are exact
         down = out[PITCH] if tip.which else -out[PITCH]
         return tip.face.obstacle, not down < -moment
+    if out[ALONG] < -force:
+        return None
     if tip.leans > LEVEL:
         # around what is curved the cable touches before its end
         return (tip.face.obstacle, True) if flat else None

@@ -10,6 +10,7 @@ import numpy as np
 from cable_ros.branch.balance import HELD, LEAST, Balance
 from cable_ros.branch.coupled_state import Shared, first_guess, reachable
 from cable_ros.branch.hanging import plausible
+from cable_ros.branch.landing import BESIDE
 from cable_ros.branch.loose_ends import Tip
 from cable_ros.branch.release import Release, descend
 from cable_ros.equilibrium import Status
@@ -103,7 +104,7 @@ class Released(Balance):
         def move(to: Shared, fall: bool) -> Shared | None:
             nonlocal state
             self._keep()
-            faces, to = self._faces, self._caught(kinematics, joints, to)
+            faces, to = self._faces, self._caught(kinematics, joints, to, BESIDE)
             if not self._move(kinematics, joints, mounts, to, fall):
                 self._return()
                 self._faces = faces
@@ -129,7 +130,7 @@ class Released(Balance):
             move, back, energy, lambda at: self.tangent(mounts, at), self.scale(), lambda: self.free, landed,
             self._turns_freely,
         )  # fmt: skip
-        state = self._faced(kinematics, joints, state)
+        state = self._caught(kinematics, joints, self._faced(kinematics, joints, state), BESIDE)
         found = descend(release, state)
         if found is not None:
             self.state = found

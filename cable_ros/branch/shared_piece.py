@@ -140,6 +140,11 @@ class SharedPiece(CableTracker):
         """EI / L^2 and EI / L, N and N m."""
         return self._units.force, self._units.moment
 
+    @property
+    def pull(self) -> np.ndarray:
+        """(3,) load per length in the world, N/m."""
+        return self._weight
+
     def obstacles(self, kinematics: Kinematics, joints: np.ndarray) -> np.ndarray | None:
         """(o, WIDTH) of `contact.distance` in the world, SI; None: there are none."""
         if self._obstacles is None:
