@@ -314,7 +314,14 @@ class Balance:
             pieces[-end.which].at_loose_end(end, tip)
         ends: tuple[Ends, ...] = tuple(piece.ends() for piece in self.pieces)
         return CoupledTangent(
-            tuple(pieces), ends, loads, self._push, self.free, self._loose(mounts, state), self.loose, state.tips
+            tuple(pieces),
+            ends,
+            loads,
+            self._push,
+            self.free,
+            self._loose(mounts, state),
+            self.loose,
+            state.tips,
         )
 
     def _renew(self, mounts: np.ndarray, state: Shared) -> bool:
@@ -424,7 +431,8 @@ class Balance:
     def _stable(self, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
         """Whether the state is a minimum of the energy, judged again if it has moved."""
         here = np.concatenate([mounts[..., :3].ravel() / self.run.length, mounts[..., 3:].ravel(),
-                               state.turns.ravel(), state.arcs / self.run.length, *self._at(state)])  # fmt: skip
+                               state.turns.ravel(), state.arcs / self.run.length,
+                               *self._at(state)])  # fmt: skip
         if self._judged_at is not None and np.abs(here - self._judged_at).max() < RENEWED:
             return True  # what a free end touches counts a whole
         tangent = self.tangent(mounts, state)

@@ -80,9 +80,7 @@ def coupled_modes(
     return Modes(omega / (2.0 * np.pi), normalised(np.concatenate(shapes, axis=1)))
 
 
-def _mount_motions(
-    ends: Ends, i: int, count: int, length: float, loose: Sequence[Loose]
-) -> np.ndarray:
+def _mount_motions(ends: Ends, i: int, count: int, length: float, loose: Sequence[Loose]) -> np.ndarray:
     """(12, N) motions of the sections at both ends of piece i by the unknowns of the supports.
 
     Args:

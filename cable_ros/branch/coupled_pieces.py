@@ -15,13 +15,15 @@ from cable_ros.branch.cable_tracker import POSE_LEFT_OUT, CableTracker
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupled_tangent import Whole
 from cable_ros.branch.crossing_cable import CrossingCable
-from cable_ros.branch.loose_ends import LooseEnd, loose_ends
+from cable_ros.branch.landing import with_tip
+from cable_ros.branch.loose_ends import ALONG, LooseEnd, loose_ends
 from cable_ros.branch.released import Released
 from cable_ros.branch.rubbing_cable import RubbingCable
 from cable_ros.branch.shared_piece import Place, SharedPiece, onward
 from cable_ros.branch.snap_through import FREE_TO_TURN
 from cable_ros.branch.tracked_equilibrium import FREE
 from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.rod import quaternion
 from cable_ros.scene import Cable, Kinematics, Scene
 
 LONGEST = 0.2
@@ -155,6 +157,10 @@ class CoupledPieces(Released):
             assert self.state is not None
             guess = self._extrapolated(there)
             found = self._newton(kinematics, there, mounts, guess)
+            if found is None and self.loose:
+                self._return()
+                guess = self._carried(kinematics.poses(self._joints)[self.which], mounts)
+                found = self._newton(kinematics, there, mounts, guess)
             if found is None and guess is not self.state:
                 self._return()
                 found = self._newton(kinematics, there, mounts, self.state)
@@ -214,6 +220,27 @@ class CoupledPieces(Released):
         change[~self.free] = 0.0
         return self.state.moved(change)
 
+    def _carried(self, before: np.ndarray, mounts: np.ndarray) -> Shared:
+        """The state to first order after the mounts' motions from `before`, both (n + 1, 2, 7).
+
+        A loose end is to follow them, for a cable that is all but straight has no slack.
+        """
+        state = self.state
+        assert state is not None
+        if not self._renew(before, state):
+            return state
+        assert self._inverse is not None
+        motions = np.empty((len(mounts), 2, 6))
+        for old, new, motion in zip(
+            before.reshape(-1, 7), mounts.reshape(-1, 7), motions.reshape(-1, 6), strict=True
+        ):
+            back = quaternion.conjugate(quaternion.from_ros(old[3:]))
+            motion[:3] = quaternion.rotate(back, new[:3] - old[:3])
+            motion[3:] = quaternion.rotation_vector(quaternion.multiply(back, quaternion.from_ros(new[3:])))
+        step, free = np.zeros(len(self.free)), self.free
+        step[free] = -self._inverse @ self.tangent(before, state).by_mounts(motions.reshape(-1, 12))[free]
+        return state.moved(step)
+
     def _publish(
         self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, snapped: str, begin: float,
         share: Callable[[], None],
@@ -243,16 +270,20 @@ class CoupledPieces(Released):
         out = []
         for i, one in enumerate(found):
             turn = tangent.pieces[i].turn
-            inner = np.concatenate([one.start_wrench, one.end_wrench])
+            inner, touching = np.concatenate([one.start_wrench, one.end_wrench]), one._touching
             wrenches = turn @ inner
-            for end, tip in zip(self.loose, self.state.tips, strict=True):
+            for end, tip, loose in zip(self.loose, self.state.tips, tangent.loose, strict=True):
                 if i == end.which * (len(found) - 1):
                     own = slice(6 * end.which, 6 * end.which + 6)
                     wrenches[own] = end.wrench(tip, inner[own])
+                    if tip.face is not None:
+                        piece, force = self.pieces[i], max(loose.residual(inner[own])[ALONG], 0.0)
+                        arc = piece.length * end.which
+                        touching = partial(with_tip, touching, piece.names, tip, force, arc)
             fields = vars(one) | {
                 "start_wrench": wrenches[:6], "end_wrench": wrenches[6:], "_mounts": mounts[i, :, 3:].copy(),
                 "_tangent": tangent.pieces[i] if len(found) > 1 else Whole(tangent),
-                "_coupled": tangent if i == 0 and len(found) > 1 else None,
+                "_coupled": tangent if i == 0 and len(found) > 1 else None, "_touching": touching,
                 "stability_margin": min(one.stability_margin, self.margin),
             }  # fmt: skip
             if i == 0 and self.loose:
@@ -292,12 +323,7 @@ def kinds(scene: Scene) -> list[Callable[..., CableTracker]]:
     """What tracks each of `Scene.pieces`."""
     if scene.cable_contact:
         return [RubbingCable if scene.cable_friction else CrossingCable] * len(scene.cables)
-    return [
-        _kind(scene, run)
-        for cable in scene.cables
-        for run in cable.runs
-        for _ in run.pieces
-    ]
+    return [_kind(scene, run) for cable in scene.cables for run in cable.runs for _ in run.pieces]
 
 
 def _kind(scene: Scene, run: Cable) -> Callable[..., CableTracker]:

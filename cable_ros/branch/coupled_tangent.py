@@ -5,16 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from cable_ros.branch.coupled_modes import coupled_modes
-from cable_ros.branch.coupling import END, LOOSE, PER, START, Ends, Loose, Side, assemble
-from cable_ros.branch.loose_ends import LooseEnd, Tip
+from cable_ros.branch.coupling import END, LOOSE, PER, START, Ends, Loose, Side, System, assemble
+from cable_ros.branch.loose_ends import ALONG, PITCH, LooseEnd, Tip
 from cable_ros.branch.modes import no_modes
 from cable_ros.branch.results import Tangent
 from cable_ros.equilibrium import Modes
 from cable_ros.linalg.cross import cross_matrix
+from cable_ros.rod import quaternion
 
 
 class Turned:
@@ -45,6 +47,49 @@ class Turned:
     def modes(self, count: int, points: int) -> Modes:
         """Of a piece alone there are none."""
         return no_modes(count, points, np.nan)
+
+
+class Carried(NamedTuple):
+    """A tip on an obstacle that moves; SI, rotations and moments of the obstacle about the world's origin."""
+
+    end: Loose
+    rows: slice
+    """Of its wrench among those of all pieces."""
+    columns: slice
+    """Of the obstacle."""
+    lengths: slice
+    """Of its positions among the unknowns."""
+    wrench: np.ndarray
+    """(6,) of the piece on its section."""
+    section: np.ndarray
+    """(3, 3) axes of its section, world, in columns."""
+    motion: np.ndarray
+    """(6, 6) of its section by motions of the obstacle, which turn one that lies on it out of the face."""
+    push: np.ndarray
+    """(3,) of the obstacle on it, N, world."""
+    turned_push: np.ndarray
+    """(3, 6) change of the equations for its positions as the obstacle turns their directions."""
+    onto_obstacle: np.ndarray
+    """(6, 3) what is exerted on the obstacle by a force of the section."""
+
+    @classmethod
+    def of(
+        cls, end: Loose, tip: Tip, wrench: np.ndarray, rows: slice, columns: slice, lengths: slice
+    ) -> Carried:
+        """From its parts."""
+        section = quaternion.matrices_from_ros(quaternion.to_ros(tip.turn)[None])[0]
+        push, motion, turned = (
+            end.residual(wrench)[ALONG] * tip.axes[:, 2],
+            np.zeros((6, 6)),
+            np.zeros((3, 6)),
+        )
+        motion[:3] = section.T @ np.concatenate([np.eye(3), -cross_matrix(tip.position)], axis=1)
+        if tip.face is not None and tip.face.lies:
+            pitch = tip.spins[:, PITCH]
+            motion[3:, 3:] = np.outer(pitch, section @ pitch)
+        turned[:, 3:] = tip.axes.T @ cross_matrix(push)
+        onto = np.concatenate([section, cross_matrix(tip.position) @ section])
+        return cls(end, rows, columns, lengths, wrench, section, motion, push, turned, onto)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +141,15 @@ class CoupledTangent:
                 pass
         return no_modes(count, points, np.nan)
 
+    def by_mounts(self, motions: np.ndarray) -> np.ndarray:
+        """(N,) change of the equations' residual by motions (n + 1, 12) of the mounts, along their axes."""
+        sides = self.sides()
+        by_wrenches = assemble(sides, self.friction, self.loose).by_wrenches
+        out = np.zeros(len(self.free))
+        for i, (side, piece) in enumerate(zip(sides, self.pieces, strict=True)):
+            out += by_wrenches[:, 12 * i : 12 * i + 12] @ side.response[:12, :12] @ piece.turn.T @ motions[i]
+        return out
+
     def response(self, obstacles: Sequence[str]) -> np.ndarray:
         """(12 (n + 1) + 6 k, same) derivative of all pieces' wrenches, then of those on k obstacles.
 
@@ -112,22 +166,65 @@ class CoupledTangent:
             whole[np.ix_(at, at)] += side.response
             turn[12 * i : 12 * i + 12, 12 * i : 12 * i + 12] = self.pieces[i].turn
         system = assemble(sides, self.friction, self.loose)
-        free = self.free
-        by_motion = -np.linalg.solve(
-            system.tangent[np.ix_(free, free)], (system.by_wrenches @ whole[:size])[free]
-        )
-        out = whole + system.spread[:, free] @ by_motion
-        self._turn_along(out, by_motion)
+        carried = self._carried(obstacles)
+        for one in carried:
+            whole[:, one.columns] += whole[:, one.rows] @ one.motion
+        given = system.by_wrenches @ whole[:size]
+        for one in carried:
+            given[one.lengths, one.columns] += one.turned_push
+        out = self._answer(system, whole, given, carried)
         out = turn @ out @ turn.T
         for k, end in enumerate(self.loose):
             # the axes of a free end's load turn
-            by_turn = np.zeros((len(free), 3))
+            by_turn = np.zeros((len(self.free), 3))
             by_turn[PER * (count - 1) + LOOSE * k :][:LOOSE] = -end.motion.T @ end.by_turn
-            follows = -np.linalg.solve(system.tangent[np.ix_(free, free)], by_turn[free])
-            answer = system.spread[:, free] @ follows
-            self._turn_along(answer, follows)
+            answer = self._answer(system, np.zeros((len(whole), 3)), by_turn, carried)
+            for one in carried:
+                if one.end is end:
+                    answer[one.columns] += one.onto_obstacle @ end.by_turn[:3]
             at = 12 * end.which * (count - 1) + (END if end.which else START).start
             out[:, at + 3 : at + 6] += turn @ answer
+        return out
+
+    def _answer(
+        self, system: System, whole: np.ndarray, given: np.ndarray, carried: Sequence[Carried]
+    ) -> np.ndarray:
+        """(12 (n + 1) + 6 k, m) change of the wrenches, along the axes of the sections.
+
+        Args:
+            system: the equations.
+            whole: (12 (n + 1) + 6 k, m) the change if the unknowns stay.
+            given: (N, m) that of the equations' residual.
+            carried: the tips on obstacles that move.
+        """
+        free = self.free
+        by_motion = -np.linalg.solve(system.tangent[np.ix_(free, free)], given[free])
+        out = whole + system.spread[:, free] @ by_motion
+        steps = np.zeros((len(free), by_motion.shape[1]))
+        steps[free] = by_motion
+        for one in carried:
+            motion = one.end.motion @ steps[one.lengths.start - 3 : one.lengths.stop]
+            if motion.shape[1] == len(out):
+                motion[:, one.columns] += one.motion
+            change = out[one.rows][:3] - cross_matrix(one.wrench[:3]) @ motion[3:]
+            out[one.columns] += one.onto_obstacle @ change
+            out[one.columns][3:] += cross_matrix(one.push) @ one.section @ motion[:3]
+        self._turn_along(out, by_motion)
+        return out
+
+    def _carried(self, obstacles: Sequence[str]) -> list[Carried]:
+        """The tips that rest on the named obstacles."""
+        out, count = [], len(self.pieces)
+        for k, (end, tip) in enumerate(zip(self.loose, self.tips, strict=True)):
+            if tip.face is None:
+                continue
+            name = self.pieces[-tip.which].inner.obstacle(tip.face.obstacle)
+            if name in obstacles:
+                first = 12 * count + 6 * list(obstacles).index(name)
+                wrench = self.ends[-tip.which].wrenches[END if tip.which else START]
+                at = 12 * tip.which * (count - 1) + 6 * tip.which
+                lengths = slice(PER * (count - 1) + LOOSE * k + 3, PER * (count - 1) + LOOSE * (k + 1))
+                out.append(Carried.of(end, tip, wrench, slice(at, at + 6), slice(first, first + 6), lengths))
         return out
 
     def _turn_along(self, out: np.ndarray, by_motion: np.ndarray) -> None:

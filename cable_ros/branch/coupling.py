@@ -198,16 +198,16 @@ def assemble(sides: Sequence[Side], friction: np.ndarray, loose: Sequence[Loose]
             rows = np.r_[12 * i : 12 * i + 12, size : size + obstacles]
             spread[rows, at : at + 3] += side.response[:, own][:, 3:]
             spread[rows, at + 3] += sign * side.growth
-    for k, end in enumerate(loose):
-        i, own = end.which * (count - 1), END if end.which else START
-        at = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))
+    for k, held in enumerate(loose):
+        i, own = held.which * (count - 1), END if held.which else START
+        place = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))
         rows = np.r_[12 * i : 12 * i + 12, size : size + obstacles]
-        spread[rows, at] += sides[i].response[:, own] @ end.motion
-        by_wrenches[at, 12 * i + own.start : 12 * i + own.stop] = -end.motion.T
+        spread[rows, place] += sides[i].response[:, own] @ held.motion
+        by_wrenches[place, 12 * i + own.start : 12 * i + own.stop] = -held.motion.T
     tangent = by_wrenches @ spread[:size]
-    for k, end in enumerate(loose):
-        at = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))
-        tangent[at, at] += end.turned(sides[-end.which].ends.wrenches[END if end.which else START])
+    for k, held in enumerate(loose):
+        place = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))
+        tangent[place, place] += held.turned(sides[-held.which].ends.wrenches[END if held.which else START])
     residual = residual_of([side.ends for side in sides], friction, loose)
     return System(residual, tangent, by_wrenches, spread)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the loose ends of a cable among obstacles may be at first: as it hangs, lies or stands without them."""
+"""Where the loose ends of a cable among obstacles may be at first: as it hangs or stands without them."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def plausible(
             draped = _draped(poses if free else poses[::-1], run.length, rows, 1.0 if free else -1.0)
             if draped is not None:
                 yield np.stack([poses[0], draped] if free else [draped, poses[-1]])
-    yield from _fan(run, loose, mounts, rows, pieces[0].pull)
+    yield from _fan(run, loose, mounts, rows, pieces[0].weight)
 
 
 def _draped(poses: np.ndarray, length: float, rows: np.ndarray, sign: float) -> np.ndarray | None:

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 
 import numpy as np
 
 from cable_ros.branch.coupling import Loose
 from cable_ros.branch.loose_ends import ALONG, PITCH, Z_AXIS, Face, LooseEnd, Surface, Tip
 from cable_ros.contact.distance import nearest
+from cable_ros.equilibrium import ContactTable
 from cable_ros.rod import quaternion
 
 INSIDE, BESIDE = -1e-9, 1e-6
@@ -89,4 +91,29 @@ def touches(faces: Sequence[Touch], tips: Sequence[Tip]) -> bool:
     return all(
         face == (None if tip.face is None else (tip.face.obstacle, tip.face.lies))
         for face, tip in zip(faces, tips, strict=True)
+    )
+
+
+def with_tip(
+    inner: Callable[[], ContactTable | None] | None, names: Sequence[str], tip: Tip, force: float, arc: float
+) -> ContactTable | None:
+    """The contacts `inner` of a piece, and that of a tip on a face.
+
+    Args:
+        names: of the obstacles.
+        force: on the tip, N.
+        arc: arc length of the tip on the piece, m.
+    """
+    table, n = None if inner is None else inner(), tip.axes[:, 2]
+    assert tip.face is not None
+    own = ContactTable(
+        tuple(names), np.array([tip.face.obstacle]), np.array([arc]), tip.position[None], n[None],
+        force * n[None], np.zeros(1), np.zeros(1, bool),
+    )  # fmt: skip
+    if table is None:
+        return own
+    pair = (table, own) if tip.which else (own, table)
+    return ContactTable(
+        own.names,
+        *(np.concatenate([getattr(one, field.name) for one in pair]) for field in fields(own)[1:-1]),
     )

@@ -23,6 +23,11 @@ WINDING, LEAST_WINDING = 0.25, 1e-3
 """First and smallest step in which a given moment grows, as parts of it."""
 
 
+ROUGH = 1e-4
+"""Tolerance of an equilibrium whose ends are to be released, if not that which is asked for."""
+UNRESOLVED = "An equilibrium was found, but not to the tolerance {:g}."
+
+
 class Released(Balance):
     """A run with the searches for another equilibrium."""
 
@@ -31,8 +36,34 @@ class Released(Balance):
     ) -> tuple[Status, str, int] | None:
         """Find an equilibrium: clips in the place of all supports, then released.
 
-        None, or status and message of the piece that failed, and its number here.
+        None, or status and message of the piece that failed, and its number here. That with clips is only a
+        beginning where ends move far, so that a rough one will do.
         """
+        exact = self.pieces[0].tolerance
+        if not self.loose:
+            return self._search(kinematics, joints, mounts)
+        for piece in self.pieces:
+            piece.tolerance = max(exact, ROUGH)
+        problem = self._search(kinematics, joints, mounts)
+        for piece in self.pieces:
+            piece.tolerance = exact
+        if problem is not None or exact >= ROUGH:
+            return problem
+        resolved = [piece.resolve() for piece in self.pieces]
+        if all(resolved):
+            self._inverse = self._judged_at = None
+            assert self.state is not None
+            found = self._newton(kinematics, joints, mounts, self.state)
+            if found is not None and self._stable(joints, mounts, found):
+                self._accept(joints, found)
+                return None
+        self.state = None
+        return Status.NOT_CONVERGED, UNRESOLVED.format(exact), 0
+
+    def _search(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray
+    ) -> tuple[Status, str, int] | None:
+        """See `_start`, to the tolerance of the pieces."""
         length, problem = self.run.length, None
         for tips in self._tips(kinematics, joints, mounts):
             Balance.reset(self)
@@ -195,7 +226,7 @@ class Released(Balance):
     def _wind(
         self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, found: Shared
     ) -> Shared | None:
-        """Lead the equilibrium on as given moments, which have no energy, grow from nothing; None: it ends."""
+        """Lead it on as given moments, which have no energy, grow from nothing; None: it ends."""
         if not any(end.mount.moment.any() for end in self.loose):
             return found
         self.state, at, step = found, 0.0, WINDING

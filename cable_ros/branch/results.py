@@ -150,6 +150,10 @@ class Tangent:
         names = list(self._names)
         return [names.index(name) for name in obstacles]
 
+    def obstacle(self, which: int) -> str:
+        """The name of an obstacle by its number."""
+        return self._names[which]
+
     def response_of(self, moving: Sequence[int]) -> np.ndarray:
         """The same for obstacles by number."""
         copy, q, F, unit, start = self._rod(), self._q, self._F, self._unit, self._start

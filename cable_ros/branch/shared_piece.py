@@ -115,7 +115,7 @@ class SharedPiece(CableTracker):
         self, cable: Cable, properties: Properties, tolerance: float, polyline_points: int,
         obstacle_names: Sequence[str] = (), loose: bool = False,
     ) -> None:  # fmt: skip
-        """As `TrackedEquilibrium`; `loose`: its ends that are not clamps are solved outside, see `loose_ends`."""
+        """As `TrackedEquilibrium`; `loose`: ends that are not clamps are solved outside, see `loose_ends`."""
         held = cable
         if loose:
             start, end = (replace(mount, kind=CLAMPED, turns=False) for mount in cable.mounts)
@@ -123,7 +123,7 @@ class SharedPiece(CableTracker):
         super().__init__(held, properties, tolerance, polyline_points, obstacle_names)
         load = sum(float(np.linalg.norm(mount.force)) for mount in cable.mounts) / self._units.force
         bend = sum(float(np.linalg.norm(mount.moment)) for mount in cable.mounts) / self._units.moment
-        self._load = load + bend if loose else None
+        self._given = load + bend if loose else None
 
     def reset(self) -> None:
         super().reset()
@@ -141,7 +141,12 @@ class SharedPiece(CableTracker):
         return self._units.force, self._units.moment
 
     @property
-    def pull(self) -> np.ndarray:
+    def names(self) -> Sequence[str]:
+        """Of the obstacles."""
+        return self._names
+
+    @property
+    def weight(self) -> np.ndarray:
         """(3,) load per length in the world, N/m."""
         return self._weight
 
@@ -174,14 +179,14 @@ class SharedPiece(CableTracker):
     @property
     def _counts(self) -> float:
         """Wrench that counts as nothing: at an end that bears none, that of the loads is what is told of."""
-        if self._load is None:
+        if self._given is None:
             return Rod.least
         weight = float(np.linalg.norm(self._weight)) / self._units.force * self.length
-        load = self._load + weight
+        load = self._given + weight
         return max(Rod.least, 0.5 * min(load, np.sqrt(load)))
 
     def _take(self, found: Found, joints: np.ndarray) -> None:
-        if self._load is not None:
+        if self._given is not None:
             found.rod.least = self._counts
         super()._take(found, joints)
 

@@ -210,8 +210,8 @@ def _check_friction_with_supports(
         for name, mount in (("start", cable.start), ("end", cable.end)):
             if mount.kind != CLAMPED:
                 top.fail(
-                    f"a {mount.kind} end and friction_model sliding cannot be combined; choose coulomb, leave "
-                    "'friction' of the obstacles out, or let 'effects' list what there is without it",
+                    f"a {mount.kind} end and friction_model sliding cannot be combined; choose coulomb, "
+                    "leave 'friction' of the obstacles out, or let 'effects' list what there is without it",
                     f"cables[{i}].{name}.kind",
                 )
         for support in cable.supports:

@@ -11,6 +11,7 @@ from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupling import PER, WRENCH, Ends, Section, step_size
 
 RNG = np.random.default_rng(5)
+NOTHING = np.zeros(2)
 
 
 def test_ends_are_read_from_wrenches():
@@ -27,18 +28,20 @@ def test_ends_are_read_from_wrenches():
 @pytest.mark.parametrize("supports", [1, 3])
 def test_a_step_is_as_large_as_its_largest_part(supports):
     step, shortest = RNG.normal(size=PER * supports), 0.3
+    lengths = np.arange(len(step)) % PER == PER - 1
     wrenches = RNG.normal(size=12 * (supports + 1))
     spread = RNG.normal(size=(len(wrenches) + 6, len(step)))  # the last rows are those of an obstacle
     each = step.reshape(-1, PER)
     plain = max(np.abs(each[:, :3]).max(), np.abs(each[:, 3]).max() / shortest)
-    assert step_size(step, shortest, np.empty((0, len(step))), wrenches) == pytest.approx(plain)
+    unknown = np.empty((0, len(step)))
+    assert step_size(step, lengths, shortest, unknown, wrenches, NOTHING) == pytest.approx(plain)
     change = np.abs(spread[: len(wrenches)] @ step).reshape(-1, 2, 3).max(axis=(0, 2))
     whole = np.abs(wrenches).reshape(-1, 2, 3).max(axis=(0, 2))
     for factor in (1e-3, 1e3):  # either part decides
-        found = step_size(step, shortest, factor * spread, wrenches)
+        found = step_size(step, lengths, shortest, factor * spread, wrenches, NOTHING)
         assert found == pytest.approx(max(plain, WRENCH * factor * (change / whole).max()))
     step[-1] = np.nan
-    assert np.isnan(step_size(step, shortest, spread, wrenches))
+    assert np.isnan(step_size(step, lengths, shortest, spread, wrenches, NOTHING))
 
 
 def test_sections_turn_in_their_mounts():

@@ -3,17 +3,32 @@
 
 State (r, R, F, M) in the world, SI: r' = t, R' = R [kappa]x with R^T M = K (kappa - kappa0), F' = -w,
 M' = -t x F (Liu et al. 2018, equations 8 and 9), with F, M what the part beyond exerts on the part before.
+Balls that it touches push on it at points: F jumps there, by a force along the normal across the tangent. A
+free end may rest on a plane.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
+
+
+@dataclass(frozen=True)
+class Ball:
+    """What the cable touches at one point, as guessed, and then as solved."""
+
+    centre: np.ndarray
+    radius: float
+    """The cable's own counted, m."""
+    arc: float
+    """Of the point, m."""
+    push: float
+    """Of the ball on the cable, N."""
 
 
 @dataclass(frozen=True)
@@ -29,14 +44,20 @@ class Solution:
     end: np.ndarray
     start_frame: Rotation
     end_frame: Rotation
+    balls: tuple[Ball, ...]
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A cable of a scene mapping, whose mounts are fixed in the world."""
+    """A cable of a scene mapping, whose mounts are fixed in the world.
+
+    A free end that rests on a plane has `"rests": (normal, height)` there, the height of the cable's axis.
+    """
 
     cable: dict[str, Any]
     gravity: np.ndarray
+    balls: tuple[Ball, ...] = ()
+    """In the order of their arc lengths."""
     accuracy: float = 1e-11
     K: np.ndarray = field(init=False)
     natural: np.ndarray = field(init=False)
@@ -45,7 +66,21 @@ class Problem:
         object.__setattr__(self, "K", np.array(self.cable["stiffness"], float))
         object.__setattr__(self, "natural", np.array(self.cable.get("natural_strain", [0.0, 0.0, 0.0])))
 
-    def _integrate(self, initial: np.ndarray) -> np.ndarray:
+    def _integrate(self, y: np.ndarray, balls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(18,) the end's state and (2 n,) what the balls' conditions are missed by, from those at the start.
+
+        `balls` (n, 2): arc length and push of each.
+        """
+        missed, at = np.empty((len(balls), 2)), 0.0
+        for i, (arc, push) in enumerate(balls):
+            y, at = self._span(y, at, arc), arc
+            away = y[:3] - self.balls[i].centre
+            n = away / np.linalg.norm(away)
+            missed[i] = np.linalg.norm(away) - self.balls[i].radius, n @ y[3:12].reshape(3, 3)[:, 2]
+            y[12:15] -= push * n
+        return self._span(y, at, self.cable["length"]), missed.ravel()
+
+    def _span(self, initial: np.ndarray, begin: float, end: float) -> np.ndarray:
         weight = self.cable["linear_density"] * self.gravity
 
         def slope(_: float, y: np.ndarray) -> np.ndarray:
@@ -56,31 +91,38 @@ class Problem:
             t = R[:, 2]
             return np.concatenate([t, (R @ spin).ravel(), -weight, -np.cross(t, F)])
 
-        span = (0.0, self.cable["length"])
+        span = (begin, end)
         return solve_ivp(slope, span, initial, method="DOP853", rtol=self.accuracy, atol=1e-12).y[:, -1]
 
     def solve(self, guess: np.ndarray) -> Solution:
         """From a guess of position (3,), rotation vector (3,), force and moment (6,) inside the start."""
-        scale = np.concatenate([np.ones(6), np.full(6, 1.0 + np.abs(guess[6:]).max())])
+        size = 1.0 + np.abs(guess[6:]).max()
+        scale = np.concatenate([np.ones(6), np.full(6, size), np.tile([1.0, size], len(self.balls))])
+
+        def shot(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            turn = Rotation.from_rotvec(values[3:6]).as_matrix().ravel()
+            initial = np.concatenate([values[:3], turn, values[6:12]])
+            return self._integrate(initial, values[12:].reshape(-1, 2))
 
         def conditions(x: np.ndarray) -> np.ndarray:
             values = x * scale
+            final, missed = shot(values)
             R = Rotation.from_rotvec(values[3:6])
-            initial = np.concatenate([values[:3], R.as_matrix().ravel(), values[6:]])
-            final = self._integrate(initial)
-            at_start = _missed(self.cable["start"], values[:3], R, -values[6:9], -values[9:])
+            at_start = _missed(self.cable["start"], values[:3], R, -values[6:9], -values[9:12])
             end = Rotation.from_matrix(final[3:12].reshape(3, 3))
             at_end = _missed(self.cable["end"], final[:3], end, final[12:15], final[15:])
-            return np.concatenate([at_start, at_end])
+            return np.concatenate([at_start, at_end, missed])
 
-        found = root(conditions, guess / scale, method="hybr", tol=1e-12)
+        touched = [x for ball in self.balls for x in (ball.arc, ball.push)]
+        found = root(conditions, np.concatenate([guess, touched]) / scale, method="hybr", tol=1e-12)
         values = found.x * scale
-        R = Rotation.from_rotvec(values[3:6])
-        final = self._integrate(np.concatenate([values[:3], R.as_matrix().ravel(), values[6:]]))
+        R, (final, _) = Rotation.from_rotvec(values[3:6]), shot(values)
+        touched = values[12:].reshape(-1, 2)
+        balls = (replace(ball, arc=s, push=f) for ball, (s, f) in zip(self.balls, touched, strict=True))
         return Solution(
             bool(np.abs(conditions(found.x)).max() < 1e-8),
-            -values[6:9], -values[9:], final[12:15], final[15:],
-            values[:3], final[:3], R, Rotation.from_matrix(final[3:12].reshape(3, 3)),
+            -values[6:9], -values[9:12], final[12:15], final[15:],
+            values[:3], final[:3], R, Rotation.from_matrix(final[3:12].reshape(3, 3)), tuple(balls),
         )  # fmt: skip
 
 
@@ -90,9 +132,11 @@ def _missed(
     """(6,) what an end's conditions are missed by; force and moment on the cable, world."""
     kind = mount.get("kind", "clamped")
     if kind == "free":
-        return np.concatenate(
-            [force - mount.get("force", np.zeros(3)), moment - mount.get("moment", np.zeros(3))]
-        )
+        excess = force - mount.get("force", np.zeros(3))
+        if "rests" in mount:
+            normal, height = mount["rests"]
+            excess = np.append(np.linalg.svd(normal[None])[2][1:] @ excess, normal @ r - height)
+        return np.concatenate([excess, moment - mount.get("moment", np.zeros(3))])
     frame = Rotation.from_euler("xyz", mount.get("rpy", [0.0, 0.0, 0.0]))
     gap, turn = r - np.array(mount["position"]), (frame.inv() * R).as_rotvec()
     if kind == "pinned":

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every hard case of ends that meet obstacles: there and back, in any number of steps, none inside of any."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from zoo_supports import CART
+from zoo_touching_ends import CASES, Case
+
+from cable_ros import Tracker
+from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.scene import load_scene
+
+TOLERANCE = 1e-5
+SAME = 2e-5
+"""Largest difference of wrenches that agree, over their largest component: that of two solves."""
+EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+
+
+def led(case: Case, parts: np.ndarray) -> list[Equilibrium]:
+    """The equilibria at fractions of the path, one after the other; none of the cases snaps."""
+    tracker, out = Tracker(load_scene(case.scene, urdf=CART), tolerance=TOLERANCE), []
+    for part in parts:
+        joints = dict(zip("xyz", (part * np.array(case.to)).tolist(), strict=True))
+        found = tracker.arrive(joints)["c"]
+        assert found.status is Status.CONVERGED, found.message
+        out.append(found)
+    return out
+
+
+def agree(one: Equilibrium, two: Equilibrium) -> None:
+    mine, theirs = (np.stack([found.start_wrench, found.end_wrench]) for found in (one, two))
+    np.testing.assert_allclose(mine, theirs, atol=SAME * np.abs(theirs).max())
+    np.testing.assert_allclose(one.points, two.points, atol=10 * TOLERANCE)
+
+
+@EVERY
+def test_there_and_back_it_is_as_before(case):
+    there = np.linspace(0.0, 1.0, 17)
+    found = led(case, np.concatenate([there, there[-2::-1]]))
+    for k in range(16):
+        agree(found[-1 - k], found[k])
+    assert any(one.contacts for one in found)
+    for one in found:
+        assert all(point.force @ point.normal >= 0.0 for point in one.contacts)
+
+
+@EVERY
+def test_two_eight_or_thirty_two_steps_lead_to_one_answer(case):
+    ends = [led(case, np.linspace(0.0, 1.0, steps + 1))[-1] for steps in (2, 8, 32)]
+    agree(ends[0], ends[2])
+    agree(ends[1], ends[2])
+
+
+@EVERY
+def test_the_twelfth_digit_of_a_joint_hardly_matters(case):
+    one, other = led(case, np.linspace(0.0, 1.0, 9)), led(case, np.linspace(0.0, 1.0 + 1e-12, 9))
+    agree(one[-1], other[-1])
+
+
+@EVERY
+def test_nothing_of_it_is_inside_of_an_obstacle(case):
+    (obstacle,) = case.scene["obstacles"]
+    for part in (0.0, 0.5, 1.0):
+        (found,) = led(case, np.array([part]))
+        points = found.points - np.array(case.to) * part * ("link" in obstacle)
+        assert _outside(obstacle, points).min() > 0.005 - 1e-5
+
+
+def _outside(obstacle: dict, points: np.ndarray) -> np.ndarray:
+    """(n,) distances of points from an obstacle's surface."""
+    if "sphere" in obstacle:
+        ball = obstacle["sphere"]
+        return np.linalg.norm(points - ball["center"], axis=1) - ball["radius"]
+    if "plane" in obstacle:
+        return (points - obstacle["plane"]["point"]) @ np.array(obstacle["plane"]["normal"])
+    box = obstacle["box"]
+    beyond = np.abs(points - box["center"]) - 0.5 * np.array(box["size"])
+    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hard cases of ends that are not clamps among obstacles; `test_zoo_touching_ends` says what must hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from test_ends import PAIRS
+from test_touching_ends import FREE, GROUND, among, pushed
+
+
+@dataclass(frozen=True)
+class Case:
+    """A cable and obstacles, some of which are on the link `cart`, which is led straight from home."""
+
+    name: str
+    scene: dict[str, Any]
+    """At home the cart is where the world is."""
+    to: list[float]
+    """(3,) how far the cart moves, m."""
+
+
+LEVEL = {"position": [0.0, 0.0, 0.2], "rpy": [0.0, np.pi / 2, 0.0]}
+ABOVE = LEVEL | {"position": [0.4, 0.0, 0.2]}
+DOWN = {"position": [0.0, 0.0, 0.2], "rpy": [0.0, np.pi / 2 + 0.6, 0.0]}
+ASIDE = {"position": [0.0, 0.0, 0.2], "rpy": [0.1, np.pi / 2 + 0.3, 0.2]}
+CART = {"link": "cart"}
+TABLE = {"name": "table", "box": {"center": [0.9, 0.0, -0.1], "size": [0.6, 1.0, 0.4]}}
+WALL = {"name": "wall", "plane": {"point": [1.05, 0.0, 0.0], "normal": [-1.0, 0.0, 0.0]}}
+
+
+def passed(name: str) -> Case:
+    """A ball goes along the cable of `test_ends.PAIRS`, under it."""
+    scene = pushed(name)
+    (ball,) = scene["obstacles"]
+    ball |= CART
+    return Case(f"{name}: a ball moves under it", scene, [0.04, 0.03, 0.02])
+
+
+def led(name: str, start: dict[str, Any], obstacle: dict[str, Any], to: list[float], **fields: Any) -> Case:
+    """The start of a cable with a free end is led."""
+    end = fields.pop("end", FREE)
+    return Case(name, among(start | CART, end, obstacle, **{"weight": 30.0} | fields), to)
+
+
+CASES = (
+    led("free: comes down in its plane, rests, lies", LEVEL, GROUND, [0.0, 0.0, -0.15]),
+    led("free: comes down aside, rests, lies", ASIDE, GROUND, [0.0, 0.0, -0.15]),
+    led("free: drawn along the ground", DOWN, GROUND, [-0.3, 0.0, 0.0]),
+    led("free: pushed along the ground", DOWN, GROUND, [0.3, 0.0, 0.0]),
+    led("free: drawn across the ground", DOWN, GROUND, [0.0, 0.4, 0.0]),
+    led("free: pulled along and pressed to the ground", DOWN, GROUND, [0.1, 0.2, 0.0],
+        end=FREE | {"force": [0.0, 2.0, -3.0]}),
+    led("free: drawn back across a table, all but straight", ABOVE, TABLE, [-0.15, 0.0, 0.0], weight=10.0),
+    led("free: pushed over the edge of a table", LEVEL, TABLE, [0.2, 0.0, 0.0], weight=10.0),
+    led("free: pushed head on against a wall", LEVEL, WALL, [0.2, 0.0, 0.0], weight=1.0),
+    Case("free start: comes down aside", among(FREE, ASIDE | CART, GROUND, weight=30.0), [0.0, 0.0, -0.15]),
+    *(passed(name) for name in PAIRS if "moment" not in name),
+)  # fmt: skip
