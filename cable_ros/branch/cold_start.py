@@ -34,6 +34,9 @@ SEARCH = 1e-2
 NEAR = 0.02
 """Maximum difference of total twist, rad, from the target at which a search ends."""
 SEARCH_OPTIONS = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
+MOST_ELEMENTS = 2_000
+"""Maximum number of elements of a mesh. Between clamps as far apart as the cable is long, tension has no
+bound, nor has the mesh that it asks for."""
 LIMIT = 1e9
 """Unlimited work: more than any search takes."""
 START_WORK = 60_000.0
@@ -189,6 +192,8 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
         elif estimate > accept * tolerance:
             mesh = better_mesh(found.rod, estimate, tolerance)
         else:
+            break
+        if len(mesh.lengths) > MOST_ELEMENTS:
             break
         finer = on_mesh(found, mesh)
         if finer is None:

@@ -22,6 +22,8 @@ REACHES = (0.95, 0.75, 0.5)
 """Distances of a free end from the other end, as fractions of the length, where nothing else is known."""
 STEEP = 0.1
 """Minimum sine of the angle to the normal at which a cable that comes down goes on in its own direction."""
+STRAIGHT = 1e-6
+"""Least slack, as a fraction of the length, of a cable that a piece between two clamps can stand for."""
 Z_AXIS = np.array([0.0, 0.0, 1.0])
 ASIDE = np.array([-1.0, 3.0, 2.0])
 """A direction that no drawn scene has, to fall to."""
@@ -44,6 +46,8 @@ def plausible(
     shapes = pieces[0].without_obstacles(run.mounts, mounts[0])[:MOST] if not run.supports else []
     for points, frames in shapes:
         poses = np.concatenate([points, frames], axis=1)
+        if float(np.linalg.norm(points[-1] - points[0])) > (1.0 - STRAIGHT) * run.length:
+            continue  # its tension would have no bound
         if free is None or rows is None or nearest(rows, points[-free])[0] >= 0.0:
             yield poses[[0, -1]]
         if free is not None and rows is not None:
