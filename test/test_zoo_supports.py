@@ -6,31 +6,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from references import supported
-from zoo_supports import CART, CASES, FLIP, Case, frame
+from zoo_supports import CASES, FLIP, Case, frame
 
-from cable_ros import Tracker
-from cable_ros.equilibrium import Equilibrium, Status
-from cable_ros.scene import load_scene
+from cable_ros.equilibrium import Equilibrium
 
 TOLERANCE = 1e-8
 SAME = 1e-6
 """Largest difference of wrenches that agree, over their largest component: that of two solves, and 50 times
 as much for a taut cable."""
 EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-
-
-def tracker(case: Case) -> Tracker:
-    return Tracker(load_scene(case.scene, urdf=CART), tolerance=TOLERANCE)
-
-
-def led(case: Case, parts: np.ndarray) -> list[Equilibrium]:
-    """The equilibria at fractions of the path, one after the other; none of the cases snaps."""
-    one, out = tracker(case), []
-    for part in parts:
-        found = one.arrive(case.joints(part))["c"]
-        assert found.status is Status.CONVERGED, found.message
-        out.append(found)
-    return out
 
 
 def wrenches(found: Equilibrium) -> np.ndarray:
@@ -45,7 +29,7 @@ def agree(one: Equilibrium, two: Equilibrium, tolerance: float = SAME) -> None:
 
 @EVERY
 def test_it_is_that_of_shooting(case):
-    one = tracker(case)
+    one = case.tracker(TOLERANCE)
     for part in np.linspace(0.0, case.shot, 9):
         found = one.arrive(case.joints(part))["c"]
     cable = case.fixed(case.shot)
@@ -77,7 +61,7 @@ def test_it_is_that_of_shooting(case):
 @EVERY
 def test_there_and_back_it_is_as_before(case):
     there = np.linspace(0.0, 1.0, 17)
-    found = led(case, np.concatenate([there, there[-2::-1]]))
+    found = case.led(np.concatenate([there, there[-2::-1]]), TOLERANCE)
     for k in range(16):
         agree(found[-1 - k], found[k])
         assert found[-1 - k].total_twist == pytest.approx(found[k].total_twist, abs=1e-6)
@@ -85,21 +69,20 @@ def test_there_and_back_it_is_as_before(case):
 
 @EVERY
 def test_two_eight_or_thirty_two_steps_lead_to_one_answer(case):
-    ends = [led(case, np.linspace(0.0, 1.0, steps + 1))[-1] for steps in (2, 8, 32)]
-    agree(ends[0], ends[2])
-    agree(ends[1], ends[2])
+    few, some, many = case.in_steps(TOLERANCE)
+    agree(few, many)
+    agree(some, many)
 
 
 @EVERY
 def test_the_twelfth_digit_of_a_joint_hardly_matters(case):
-    one, other = led(case, np.linspace(0.0, 1.0, 9)), led(case, np.linspace(0.0, 1.0 + 1e-12, 9))
-    agree(one[-1], other[-1])
+    agree(*case.beside(TOLERANCE))
 
 
 @EVERY
 def test_its_mirror_image_has_mirrored_wrenches(case):
     parts = np.linspace(0.0, 1.0, 9)
-    for plain, image in zip(led(case, parts), led(case.mirrored(), parts), strict=True):
+    for plain, image in zip(case.led(parts, TOLERANCE), case.mirrored().led(parts, TOLERANCE), strict=True):
         mirror = np.kron(np.diag([1.0, -1.0]), FLIP)  # moments are axial vectors
         size = np.abs(wrenches(plain)).max()
         np.testing.assert_allclose(wrenches(image) @ mirror, wrenches(plain), atol=SAME * size)

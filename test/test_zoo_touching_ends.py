@@ -5,28 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from zoo_supports import CART
-from zoo_touching_ends import CASES, Case
+from zoo_touching_ends import CASES
 
-from cable_ros import Tracker
-from cable_ros.equilibrium import Equilibrium, Status
-from cable_ros.scene import load_scene
+from cable_ros.equilibrium import Equilibrium
 
 TOLERANCE = 1e-5
 SAME = 2e-5
 """Largest difference of wrenches that agree, over their largest component: that of two solves."""
 EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-
-
-def led(case: Case, parts: np.ndarray) -> list[Equilibrium]:
-    """The equilibria at fractions of the path, one after the other; none of the cases snaps."""
-    tracker, out = Tracker(load_scene(case.scene, urdf=CART), tolerance=TOLERANCE), []
-    for part in parts:
-        joints = dict(zip("xyz", (part * np.array(case.to)).tolist(), strict=True))
-        found = tracker.arrive(joints)["c"]
-        assert found.status is Status.CONVERGED, found.message
-        out.append(found)
-    return out
 
 
 def agree(one: Equilibrium, two: Equilibrium) -> None:
@@ -38,7 +24,7 @@ def agree(one: Equilibrium, two: Equilibrium) -> None:
 @EVERY
 def test_there_and_back_it_is_as_before(case):
     there = np.linspace(0.0, 1.0, 17)
-    found = led(case, np.concatenate([there, there[-2::-1]]))
+    found = case.led(np.concatenate([there, there[-2::-1]]), TOLERANCE)
     for k in range(16):
         agree(found[-1 - k], found[k])
     assert any(one.contacts for one in found)
@@ -48,23 +34,22 @@ def test_there_and_back_it_is_as_before(case):
 
 @EVERY
 def test_two_eight_or_thirty_two_steps_lead_to_one_answer(case):
-    ends = [led(case, np.linspace(0.0, 1.0, steps + 1))[-1] for steps in (2, 8, 32)]
-    agree(ends[0], ends[2])
-    agree(ends[1], ends[2])
+    few, some, many = case.in_steps(TOLERANCE)
+    agree(few, many)
+    agree(some, many)
 
 
 @EVERY
 def test_the_twelfth_digit_of_a_joint_hardly_matters(case):
-    one, other = led(case, np.linspace(0.0, 1.0, 9)), led(case, np.linspace(0.0, 1.0 + 1e-12, 9))
-    agree(one[-1], other[-1])
+    agree(*case.beside(TOLERANCE))
 
 
 @EVERY
 def test_nothing_of_it_is_inside_of_an_obstacle(case):
     (obstacle,) = case.scene["obstacles"]
     for part in (0.0, 0.5, 1.0):
-        (found,) = led(case, np.array([part]))
-        points = found.points - np.array(case.to) * part * ("link" in obstacle)
+        (found,) = case.led(np.array([part]), TOLERANCE)
+        points = found.points - case.to * part * ("link" in obstacle)
         assert _outside(obstacle, points).min() > 0.005 - 1e-5
 
 

@@ -16,6 +16,10 @@ from scipy.spatial.transform import Rotation
 from test_ends import END, START, mapping
 from test_supports import FREE, TILT, axis, support
 
+from cable_ros import Tracker
+from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.scene import load_scene
+
 CART = """
 <robot name="r"><link name="base"/><link name="a"/><link name="b"/><link name="cart"/>
 <joint name="x" type="prismatic"><parent link="base"/><child link="a"/><axis xyz="1 0 0"/>
@@ -43,6 +47,27 @@ class Case:
     def joints(self, part: float) -> dict[str, float]:
         """Joint values at a fraction of the path."""
         return dict(zip("xyz", (part * self.to).tolist(), strict=True))
+
+    def tracker(self, tolerance: float) -> Tracker:
+        """One of its scene that has solved nothing."""
+        return Tracker(load_scene(self.scene, urdf=CART), tolerance=tolerance)
+
+    def led(self, parts: np.ndarray, tolerance: float) -> list[Equilibrium]:
+        """The equilibria at fractions of the path, one after the other; none of the cases snaps."""
+        tracker, out = self.tracker(tolerance), []
+        for part in parts:
+            found = tracker.arrive(self.joints(part))["c"]
+            assert found.status is Status.CONVERGED, found.message
+            out.append(found)
+        return out
+
+    def in_steps(self, tolerance: float) -> list[Equilibrium]:
+        """The last one of the path in 2, 8 and 32 steps."""
+        return [self.led(np.linspace(0.0, 1.0, steps + 1), tolerance)[-1] for steps in (2, 8, 32)]
+
+    def beside(self, tolerance: float) -> list[Equilibrium]:
+        """The last one of the path, and of another that differs from it in the twelfth digit."""
+        return [self.led(np.linspace(0.0, end, 9), tolerance)[-1] for end in (1.0, 1.0 + 1e-12)]
 
     def mounts(self) -> list[dict[str, Any]]:
         """The mounts of the cable in the scene: start, end, supports."""

@@ -3,24 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from test_ends import PAIRS
 from test_touching_ends import FREE, GROUND, among, pushed
-
-
-@dataclass(frozen=True)
-class Case:
-    """A cable and obstacles, some of which are on the link `cart`, which is led straight from home."""
-
-    name: str
-    scene: dict[str, Any]
-    """At home the cart is where the world is."""
-    to: list[float]
-    """(3,) how far the cart moves, m."""
-
+from zoo_supports import Case
 
 LEVEL = {"position": [0.0, 0.0, 0.2], "rpy": [0.0, np.pi / 2, 0.0]}
 ABOVE = LEVEL | {"position": [0.4, 0.0, 0.2]}
@@ -36,13 +24,13 @@ def passed(name: str) -> Case:
     scene = pushed(name)
     (ball,) = scene["obstacles"]
     ball |= CART
-    return Case(f"{name}: a ball moves under it", scene, [0.04, 0.03, 0.02])
+    return Case(f"{name}: a ball moves under it", scene, np.array([0.04, 0.03, 0.02]))
 
 
 def led(name: str, start: dict[str, Any], obstacle: dict[str, Any], to: list[float], **fields: Any) -> Case:
     """The start of a cable with a free end is led."""
     end = fields.pop("end", FREE)
-    return Case(name, among(start | CART, end, obstacle, **{"weight": 30.0} | fields), to)
+    return Case(name, among(start | CART, end, obstacle, **{"weight": 30.0} | fields), np.array(to))
 
 
 CASES = (
@@ -56,6 +44,7 @@ CASES = (
     led("free: drawn back across a table, all but straight", ABOVE, TABLE, [-0.15, 0.0, 0.0], weight=10.0),
     led("free: pushed over the edge of a table", LEVEL, TABLE, [0.2, 0.0, 0.0], weight=10.0),
     led("free: pushed head on against a wall", LEVEL, WALL, [0.2, 0.0, 0.0], weight=1.0),
-    Case("free start: comes down aside", among(FREE, ASIDE | CART, GROUND, weight=30.0), [0.0, 0.0, -0.15]),
+    Case("free start: comes down aside", among(FREE, ASIDE | CART, GROUND, weight=30.0),
+         np.array([0.0, 0.0, -0.15])),
     *(passed(name) for name in PAIRS if "moment" not in name),
 )  # fmt: skip

@@ -18,11 +18,8 @@ from cable_ros.scene import Kinematics
 
 SLIDE, MOST_SLIDES = 0.05, 200
 """Step of a cable that friction does not hold, as a fraction of the shortest piece, and their number."""
-
 WINDING, LEAST_WINDING = 0.25, 1e-3
 """First and smallest step in which a given moment grows, as parts of it."""
-
-
 ROUGH = 1e-4
 """Tolerance of an equilibrium whose ends are to be released, if not that which is asked for."""
 UNRESOLVED = "An equilibrium was found, but not to the tolerance {:g}."
