@@ -15,6 +15,8 @@ ABOVE = LEVEL | {"position": [0.4, 0.0, 0.2]}
 DOWN = {"position": [0.0, 0.0, 0.2], "rpy": [0.0, np.pi / 2 + 0.6, 0.0]}
 ASIDE = {"position": [0.0, 0.0, 0.2], "rpy": [0.1, np.pi / 2 + 0.3, 0.2]}
 CART = {"link": "cart"}
+BALL = {"name": "ball", "sphere": {"center": [0.3, 0.02, 0.6], "radius": 0.1}}
+BELOW = {"name": "ball", "sphere": {"center": [0.03, 0.0, 0.0], "radius": 0.1}}
 TABLE = {"name": "table", "box": {"center": [0.9, 0.0, -0.1], "size": [0.6, 1.0, 0.4]}}
 WALL = {"name": "wall", "plane": {"point": [1.05, 0.0, 0.0], "normal": [-1.0, 0.0, 0.0]}}
 
@@ -33,6 +35,11 @@ def led(name: str, start: dict[str, Any], obstacle: dict[str, Any], to: list[flo
     return Case(name, among(start | CART, end, obstacle, **{"weight": 30.0} | fields), np.array(to))
 
 
+def hangs(lean: float) -> dict[str, Any]:
+    """A start from which a cable hangs down; `lean` from the vertical, rad."""
+    return {"position": [0.0, 0.0, 1.2], "rpy": [np.pi - lean, 0.0, 0.0]}
+
+
 CASES = (
     led("free: comes down in its plane, rests, lies", LEVEL, GROUND, [0.0, 0.0, -0.15]),
     led("free: comes down aside, rests, lies", ASIDE, GROUND, [0.0, 0.0, -0.15]),
@@ -43,6 +50,16 @@ CASES = (
         end=FREE | {"force": [0.0, 2.0, -3.0]}),
     led("free: drawn back across a table, all but straight", ABOVE, TABLE, [-0.15, 0.0, 0.0], weight=10.0),
     led("free: pushed over the edge of a table", LEVEL, TABLE, [0.2, 0.0, 0.0], weight=10.0),
+    led("free: hangs straight, led against a ball", hangs(0.0), BALL, [0.4, 0.0, 0.0], weight=5.0),
+    led("free: hangs straight, lowered beside the top of a ball", hangs(0.0), BELOW, [0.0, 0.0, -0.18],
+        weight=5.0),
+    led("free: hangs all but straight, lowered to the ground", hangs(1e-3), GROUND, [0.0, 0.0, -0.4],
+        weight=5.0),
+    led("free: hangs leaning by 3 degrees, lowered to the ground", hangs(0.05), GROUND, [0.0, 0.0, -0.4],
+        weight=5.0),
+    led("free: hangs heavy, lowered to the ground", hangs(1e-3), GROUND, [0.0, 0.0, -0.2], weight=60.0),
+    led("free: hangs light, drawn over the ground it rests on", hangs(0.3), GROUND, [0.0, 0.3, -0.3],
+        weight=0.5),
     led("free: pushed head on against a wall", LEVEL, WALL, [0.2, 0.0, 0.0], weight=1.0),
     Case("free start: comes down aside", among(FREE, ASIDE | CART, GROUND, weight=30.0),
          np.array([0.0, 0.0, -0.15])),

@@ -24,6 +24,7 @@ from cable_ros.branch.coupling import (
 )
 from cable_ros.branch.landing import INSIDE, caught, faced, let_go, touches
 from cable_ros.branch.loose_ends import LooseEnd
+from cable_ros.branch.loose_piece import LoosePiece
 from cable_ros.branch.shared_piece import Kept, SharedPiece
 from cable_ros.rod import quaternion
 from cable_ros.scene import Cable, Kinematics
@@ -151,18 +152,35 @@ class Balance:
         self._kept = [piece.keep() for piece in self.pieces]
 
     def _move(
-        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, to: Shared, fall: bool = False
-    ) -> bool:
-        """Move all pieces to a state nearby; whether all could follow, or, where they may, fall."""
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, to: Shared, fall: bool = False,
+        held: bool = False,
+    ) -> Shared | None:  # fmt: skip
+        """Move all pieces to a state nearby; where they are then, None if one could not follow.
+
+        `fall`: whether each may fall to another equilibrium; `held`: whether an end stays that would yield.
+        """
         places = to.places(mounts, self.run.length)
         if any(place.length < self._least for place in places):
-            return False
+            return None
         for piece, place in zip(self.pieces, places, strict=True):
-            if piece.attempt(kinematics, joints, place):
+            if piece.attempt(kinematics, joints, place._replace(yields=None) if held else place):
                 continue
             if not (fall and piece.fall(kinematics, joints, place)):
-                return False
-        return True
+                return None
+        return self._reached(mounts, to)
+
+    def _loose_piece(self, which: int) -> LoosePiece:
+        """The first or the last of pieces next to a loose end."""
+        piece = self.pieces[which]
+        assert isinstance(piece, LoosePiece)
+        return piece
+
+    def _reached(self, mounts: np.ndarray, to: Shared) -> Shared:
+        """The state `to` with its last tip where its section is."""
+        if not to.tips or to.tips[-1].which == 0:
+            return to
+        tip = to.tips[-1].displaced(self._loose_piece(-1).astray, mounts[-1, 1])
+        return to._replace(tips=(*to.tips[:-1], tip))
 
     @property
     def _least(self) -> float:
@@ -228,11 +246,11 @@ class Balance:
         self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, guess: Shared
     ) -> Shared | None:
         """Newton's method with a tangent that is renewed if it is slow; None: it does not converge."""
-        guess = self._caught(kinematics, joints, guess)
-        if not self._move(kinematics, joints, mounts, guess):
+        state = self._move(kinematics, joints, mounts, self._caught(kinematics, joints, guess))
+        if state is None:
             return None
         tolerance = EXACT * self.pieces[0].tolerance
-        state, size, rate, rubs = guess, np.inf, SLOW, self.rubs
+        size, rate, rubs = np.inf, SLOW, self.rubs
         age = ITERATIONS  # number of steps since the tangent was made
         last = np.empty(0), np.empty(0)  # the step before and the residual from which it was made
         for iteration in range(2 * ITERATIONS if rubs else ITERATIONS):
@@ -249,12 +267,12 @@ class Balance:
             step = np.zeros(len(free))
             step[free] = -self._inverse @ residual[free]
             new = self._size(step, ends)
-            if not new <= FARTHEST:
+            if not self._reach(step) <= FARTHEST:
                 return None
             if iteration and rubs:
                 step[free] = self._secant(last[0][free], (residual - last[1])[free], residual[free])
                 new = self._size(step, ends)
-                if not new <= FARTHEST:
+                if not self._reach(step) <= FARTHEST:
                     return None
             if iteration:
                 rate = new / size
@@ -273,7 +291,8 @@ class Balance:
                 state, before = self._caught(kinematics, joints, state), state
                 if state is not before:
                     self._inverse, new = None, np.inf
-            if not self._move(kinematics, joints, mounts, state):
+            state = self._move(kinematics, joints, mounts, state)
+            if state is None:
                 return None
             if new * min(max(rate, 1e-3), 1.0) <= tolerance:
                 return state
@@ -292,6 +311,11 @@ class Balance:
             self._inverse = self._inverse + np.outer(step - back, weighed @ self._inverse) / size
         out: np.ndarray = -self._inverse @ residual
         return out
+
+    def _reach(self, step: np.ndarray) -> float:
+        """Of a step (N,): largest rotation, rad, or shift over the shortest length."""
+        shortest = min(piece.length for piece in self.pieces)
+        return float(np.abs(step / np.where(self._lengths, shortest, 1.0)).max(initial=0.0))
 
     def _size(self, step: np.ndarray, ends: Sequence[Ends]) -> float:
         """Of a step (N,): largest rotation, rad, shift over the shortest length, or part of a wrench."""
@@ -343,12 +367,13 @@ class Balance:
         for k in np.flatnonzero(free):
             size = PROBE * (self.run.length if self._lengths[k] else 1.0)
             for step in (size * unit[k], -size * unit[k]):
-                if self._move(kinematics, joints, mounts, state.moved(step)):
+                moved = self._move(kinematics, joints, mounts, state.moved(step))
+                if moved is not None:
                     break
             else:
                 return False
-            columns[:, k] = (self._residual(mounts, state.moved(step)) - at) / step[k]
-        if not self._move(kinematics, joints, mounts, state):
+            columns[:, k] = (self._residual(mounts, moved) - at) / step[k]
+        if self._move(kinematics, joints, mounts, state) is None:
             return False
         return self._invert(columns)
 

@@ -17,6 +17,7 @@ from cable_ros.branch.coupled_tangent import Whole
 from cable_ros.branch.crossing_cable import CrossingCable
 from cable_ros.branch.landing import with_tip
 from cable_ros.branch.loose_ends import ALONG, LooseEnd, loose_ends
+from cable_ros.branch.loose_piece import LoosePiece
 from cable_ros.branch.released import Released
 from cable_ros.branch.rubbing_cable import RubbingCable
 from cable_ros.branch.shared_piece import Place, SharedPiece, onward
@@ -30,6 +31,8 @@ LONGEST = 0.2
 """Maximum step in joint values, rad or m, that is taken at once."""
 SHORTEST = 1e-4
 """Minimum step, rad or m; if even that fails, the cable snaps."""
+STEEP = 1e-6
+"""The same while a cable stands on its end all but straight: the end goes aside as the root of the step."""
 MOST_STEPS, MOST_WORK = 60, 300_000
 """Maximum number of steps of one solve; with friction of obstacles also maximum work, iterations times
 unknowns, after which no further one begins: about 0.6 s."""
@@ -175,7 +178,7 @@ class CoupledPieces(Released):
                 continue
             self._return()
             step = 0.5 * (target - at)
-            if step * distance < SHORTEST:
+            if step * distance < (STEEP if self._stands else SHORTEST):
                 rubbed = self.rubbing
                 before, shape = self._energy(kinematics.poses(self._joints)[self.which]), self.state
                 for reach in BEYOND:  # next to a fold nothing is exact
@@ -329,7 +332,7 @@ def kinds(scene: Scene) -> list[Callable[..., CableTracker]]:
 def _kind(scene: Scene, run: Cable) -> Callable[..., CableTracker]:
     """What tracks each piece of a run."""
     if _loose(scene, run):
-        return partial(SharedPiece, loose=True)
+        return LoosePiece
     return SharedPiece if run.supports else CableTracker
 
 

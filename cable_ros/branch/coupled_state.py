@@ -53,7 +53,10 @@ class Shared(NamedTuple):
         for tip in self.tips:
             poses[-tip.which, tip.which] = tip.pose(mounts[-tip.which, tip.which])
         cuts = [0.0, *self.arcs.tolist(), length]
-        return [Place(poses[i], cuts[i + 1] - cuts[i], cuts[i]) for i in range(len(poses))]
+        out = [Place(poses[i], cuts[i + 1] - cuts[i], cuts[i]) for i in range(len(poses))]
+        if self.tips:
+            out[-1] = out[-1]._replace(yields=self.tips[-1].yields(mounts[-1, 1]))
+        return out
 
 
 @njit(**LEAF_ENTRY)

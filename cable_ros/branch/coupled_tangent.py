@@ -14,6 +14,7 @@ from cable_ros.branch.coupling import END, LOOSE, PER, START, Ends, Loose, Side,
 from cable_ros.branch.loose_ends import ALONG, PITCH, LooseEnd, Tip
 from cable_ros.branch.modes import no_modes
 from cable_ros.branch.results import Tangent
+from cable_ros.branch.shared_piece import STRAIGHT
 from cable_ros.equilibrium import Modes
 from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion
@@ -116,13 +117,18 @@ class CoupledTangent:
         """Number of pieces."""
         return len(self.pieces)
 
-    def sides(self, obstacles: Sequence[str] = ()) -> list[Side]:
-        """The pieces as their supports see them."""
+    def sides(self, obstacles: Sequence[str] = (), held: bool = False) -> list[Side]:
+        """The pieces as their supports see them; `held`: whether no end yields."""
         last = len(self.pieces) - 1
         return [
-            Side.of(ends, piece.inner.wrench_response(obstacles), load, by_end=i < last)
+            Side.of(ends, piece.inner.wrench_response(obstacles, held), load, by_end=i < last)
             for i, (ends, piece, load) in enumerate(zip(self.ends, self.pieces, self.loads, strict=True))
         ]
+
+    @property
+    def _straight(self) -> bool:
+        """Whether the piece before a loose end is straight, so that its end must yield."""
+        return bool(self.loose) and self.pieces[-1].inner.slack < STRAIGHT
 
     def modes(self, count: int, places: Sequence[np.ndarray]) -> Modes:
         """The `count` lowest of all pieces together; see `coupled_modes`.
@@ -132,7 +138,9 @@ class CoupledTangent:
         pieces, points = [piece.inner.piece() for piece in self.pieces], sum(len(at) for at in places)
         if not pieces[0].density:
             return no_modes(count, points, np.inf)
-        system = assemble(self.sides(), np.zeros(len(self.friction)), self.loose)
+        if self._straight:
+            return no_modes(count, points, np.nan)
+        system = assemble(self.sides(held=True), np.zeros(len(self.friction)), self.loose)
         K = system.tangent[np.ix_(self.free, self.free)]
         if np.isfinite(K).all():
             try:
@@ -157,7 +165,7 @@ class CoupledTangent:
         the mounts, and the motions of these; then as in `Equilibrium.wrench_response`. Two pieces that meet
         at a support have columns of their own, which move together.
         """
-        sides = self.sides(obstacles)
+        sides = self.sides(obstacles, held=not self._straight)
         count, size = len(sides), 12 * len(sides)
         whole = np.zeros((size + 6 * len(obstacles),) * 2)
         turn = np.eye(len(whole))

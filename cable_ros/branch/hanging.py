@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from cable_ros.branch.cold_start import Found
 from cable_ros.branch.landing import pushed_out
 from cable_ros.branch.loose_ends import LooseEnd, Surface
-from cable_ros.branch.shared_piece import SharedPiece
+from cable_ros.branch.loose_piece import LoosePiece
 from cable_ros.contact.distance import nearest
 from cable_ros.rod import quaternion
 from cable_ros.scene import Cable
@@ -29,32 +31,45 @@ ASIDE = np.array([-1.0, 3.0, 2.0])
 """A direction that no drawn scene has, to fall to."""
 
 
+class Begin(NamedTuple):
+    """Where a search may begin."""
+
+    poses: np.ndarray
+    """(2, 7) of the first and of the last section, world."""
+    found: Found | None = None
+    """An equilibrium that hangs clear of all obstacles there, in the frame of the start's mount."""
+
+
 def plausible(
-    run: Cable, loose: Sequence[LooseEnd], pieces: Sequence[SharedPiece], mounts: np.ndarray,
+    run: Cable, loose: Sequence[LooseEnd], piece: LoosePiece, mounts: np.ndarray,
     rows: np.ndarray | None,
-) -> Iterator[np.ndarray]:  # fmt: skip
-    """Poses (2, 7) of the first and of the last section, world, one after the other.
+) -> Iterator[Begin]:  # fmt: skip
+    """Where to begin, one after the other.
 
     Args:
         run: the cable.
         loose: its loose ends.
-        pieces: the first and the last one.
+        piece: its first one.
         mounts: (n + 1, 2, 7) of the ends of the pieces, world.
         rows: (o, WIDTH) the obstacles in the world, SI.
     """
     free = next((end.which for end in loose if end.free), None)
-    shapes = pieces[0].without_obstacles(run.mounts, mounts[0])[:MOST] if not run.supports else []
-    for points, frames in shapes:
+    shapes = piece.without_obstacles(run.mounts, mounts[0])[:MOST] if not run.supports else []
+    for found, points, frames in shapes:
         poses = np.concatenate([points, frames], axis=1)
+        clear = rows is None or min(nearest(rows, point)[0] for point in points[1:]) > 0.0
+        if clear:
+            yield Begin(poses[[0, -1]], found)
         if float(np.linalg.norm(points[-1] - points[0])) > (1.0 - STRAIGHT) * run.length:
             continue  # its tension would have no bound
         if free is None or rows is None or nearest(rows, points[-free])[0] >= 0.0:
-            yield poses[[0, -1]]
+            yield Begin(poses[[0, -1]])
         if free is not None and rows is not None:
             draped = _draped(poses if free else poses[::-1], run.length, rows, 1.0 if free else -1.0)
             if draped is not None:
-                yield np.stack([poses[0], draped] if free else [draped, poses[-1]])
-    yield from _fan(run, loose, mounts, rows, pieces[0].weight)
+                yield Begin(np.stack([poses[0], draped] if free else [draped, poses[-1]]))
+    for poses in _fan(run, loose, mounts, rows, piece.weight):
+        yield Begin(poses)
 
 
 def _draped(poses: np.ndarray, length: float, rows: np.ndarray, sign: float) -> np.ndarray | None:

@@ -68,6 +68,8 @@ class Tip(NamedTuple):
     """(3, 3) in columns, the directions in which it moves."""
     spins: np.ndarray
     """(3, 3) in columns, the axes about which it turns, along its own axes; the last one is the tangent."""
+    slides: bool = False
+    """Whether it slides along the last of its axes."""
     face: Face | None = None
     """What it rests on."""
 
@@ -98,6 +100,26 @@ class Tip(NamedTuple):
         """(6,) the step that leads to another one, as in `moved`."""
         turn = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(self.turn), other.turn))
         return np.concatenate([self.spins.T @ turn, self.axes.T @ (other.position - self.position)])
+
+    def yields(self, mount: np.ndarray) -> np.ndarray | None:
+        """(3, 3) projector on the directions, world, along which nothing but a given force holds it.
+
+        None: it is held, or it is at the start, from which positions count. `mount` (7,).
+        """
+        if self.which == 0 or not (self.world or self.slides):
+            return None
+        n = self.axes[:, 2]
+        if self.slides:
+            along = quaternion.rotate(quaternion.from_ros(mount[3:]), n)
+            return np.outer(along, along)
+        return np.eye(3) if self.face is None else np.eye(3) - np.outer(n, n)
+
+    def displaced(self, by: np.ndarray, mount: np.ndarray) -> Tip:
+        """One that is off by (3,), m, world, where it yields; `mount` (7,)."""
+        own = (
+            by if self.world else quaternion.rotate(quaternion.conjugate(quaternion.from_ros(mount[3:])), by)
+        )
+        return self._replace(position=self.position + own).on_face()
 
     def pose(self, mount: np.ndarray) -> np.ndarray:
         """(7,) of the section in the world; `mount` (7,)."""
@@ -150,7 +172,8 @@ class LooseEnd:
             turn = turn * np.array([1.0, 0.0, 0.0, 1.0])
             turn = turn / np.linalg.norm(turn) if turn.any() else np.array([1.0, 0.0, 0.0, 0.0])
         along = self._axes[:, 2] @ quaternion.rotate(back, position - mount[:3]) if self.mask[5] else 0.0
-        return Tip(self.which, False, along * self._axes[:, 2], turn, self._axes, np.eye(3))
+        slides = bool(self.mask[ALONG])
+        return Tip(self.which, False, along * self._axes[:, 2], turn, self._axes, np.eye(3), slides)
 
     def held_by(self, face: tuple[int, bool] | None) -> np.ndarray:
         """(6,) which unknowns there are on a face: an obstacle's number, and whether it lies there."""

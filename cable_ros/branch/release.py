@@ -61,6 +61,8 @@ def descend(problem: Release, state: Shared) -> Shared | None:
             weight = np.sqrt(problem.scale[free] / problem.scale[0])
             system = assemble(tangent.sides(), np.zeros(len(state.arcs)), tangent.loose)
             K = system.tangent[np.ix_(free, free)] / weight / weight[:, None]
+            if not np.isfinite(K).all():
+                return None  # a piece is as long as the distance of its ends
             values, vectors = np.linalg.eigh(0.5 * (K + K.T))
             g = vectors.T @ (system.residual[free] / weight)
             if problem.turns_freely:

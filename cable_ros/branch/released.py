@@ -8,18 +8,28 @@ from collections.abc import Iterator
 import numpy as np
 
 from cable_ros.branch.balance import HELD, LEAST, Balance
+from cable_ros.branch.cold_start import Found
 from cable_ros.branch.coupled_state import Shared, first_guess, reachable
-from cable_ros.branch.hanging import plausible
+from cable_ros.branch.hanging import ASIDE, plausible
 from cable_ros.branch.landing import BESIDE
-from cable_ros.branch.loose_ends import Tip
+from cable_ros.branch.loose_ends import Surface, Tip
 from cable_ros.branch.release import Release, descend
+from cable_ros.contact.distance import nearest
 from cable_ros.equilibrium import Status
+from cable_ros.rod import quaternion
 from cable_ros.scene import Kinematics
 
 SLIDE, MOST_SLIDES = 0.05, 200
 """Step of a cable that friction does not hold, as a fraction of the shortest piece, and their number."""
 WINDING, LEAST_WINDING = 0.25, 1e-3
 """First and smallest step in which a given moment grows, as parts of it."""
+SLIGHT = 1e-3
+"""Maximum slack, as a fraction of the length, of a cable that is all but straight, and distance of its end
+from what it is about to stand on."""
+LEANS = 1e-10
+"""Distance, as a fraction of the length, by which the end of a straight cable is off to a side."""
+ROOM = 0.8
+"""Part of the room to that side, with a cable stretched out, that its end is given."""
 ROUGH = 1e-4
 """Tolerance of an equilibrium whose ends are to be released, if not that which is asked for."""
 UNRESOLVED = "An equilibrium was found, but not to the tolerance {:g}."
@@ -62,7 +72,7 @@ class Released(Balance):
     ) -> tuple[Status, str, int] | None:
         """See `_start`, to the tolerance of the pieces."""
         length, problem = self.run.length, None
-        for tips in self._tips(kinematics, joints, mounts):
+        for tips, hanging in self._tips(kinematics, joints, mounts):
             Balance.reset(self)
             held = mounts.copy()
             for tip in tips:
@@ -70,7 +80,12 @@ class Released(Balance):
             arcs = np.array([support.arc_length for support in self.run.supports])
             guess = first_guess(held, reachable(held, arcs, length, self._guides), length, self._tubes)
             guess = guess._replace(tips=tips)
-            for i, (piece, place) in enumerate(zip(self.pieces, guess.places(mounts, length), strict=True)):
+            places = guess.places(mounts, length)
+            if hanging is not None:
+                if self._adopt(kinematics, joints, mounts, guess, hanging):
+                    return None
+                continue
+            for i, (piece, place) in enumerate(zip(self.pieces, places, strict=True)):
                 found = piece.find(kinematics, joints, place)
                 if not found.converged:
                     problem = problem or (found.status, found.message, i)
@@ -87,16 +102,31 @@ class Released(Balance):
 
     def _tips(
         self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray
-    ) -> Iterator[tuple[Tip, ...]]:
-        """Where loose ends may be at first; nothing, once, without any."""
+    ) -> Iterator[tuple[tuple[Tip, ...], Found | None]]:
+        """Where loose ends may be at first, see `hanging.Begin`; nothing, once, without any."""
         if not self.loose:
-            yield ()
+            yield (), None
             return
         rows = self._rows(kinematics, joints)
-        first, last = self.pieces[0], self.pieces[-1]
-        for poses in plausible(self.run, self.loose, (first, last), mounts, rows):
+        for begin in plausible(self.run, self.loose, self._loose_piece(0), mounts, rows):
             pairs = [(end, mounts[-end.which, end.which]) for end in self.loose]
-            yield tuple(end.tip(poses[end.which], mount) for end, mount in pairs)
+            yield tuple(end.tip(begin.poses[end.which], mount) for end, mount in pairs), begin.found
+
+    def _adopt(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, guess: Shared, hanging: Found
+    ) -> bool:
+        """Take an equilibrium of the only piece that hangs clear of all obstacles; whether it is one."""
+        (place,) = guess.places(mounts, self.run.length)
+        if not self._loose_piece(0).adopt(kinematics, joints, place, hanging):
+            return False
+        self._joints, self.state = joints, guess
+        self._keep()
+        found = self._newton(kinematics, joints, mounts, guess)
+        if found is None or not self._stable(joints, mounts, found):
+            return False
+        self._accept(joints, found)
+        self._before = None
+        return True
 
     def _snap(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> bool:
         """Descend the energy from the last equilibrium to a stable one; whether one was found.
@@ -104,6 +134,8 @@ class Released(Balance):
         Friction of obstacles is left out on the way, and begins at nothing.
         """
         assert self.state is not None
+        if self._stands and self._lifted(kinematics, joints, mounts):
+            return True
         for piece in self.pieces:
             piece.rub(False)
         self._wound = 0.0
@@ -118,12 +150,55 @@ class Released(Balance):
             self._before = None
         return found is not None
 
+    def _lifted(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> bool:
+        """Let go of what free ends rest on; whether there is a stable equilibrium so.
+
+        A cable that stands on its end until it is drawn straight presses on the ground up to that moment.
+        """
+        assert self.state is not None
+        faces, self._faces, self._inverse = self._faces, [None] * len(self.loose), None
+        force = quaternion.rotate(quaternion.from_ros(mounts[-1, 1, 3:]), self.loose[-1].mount.force)
+        self._loose_piece(-1).begin_with(force, self.state.places(mounts, self.run.length)[-1])
+        found = self._newton(kinematics, joints, mounts, self._faced(kinematics, joints, self.state))
+        if found is not None and not any(self._faces) and self._stable(joints, mounts, found):
+            self._accept(joints, found)
+            self._before = None
+            return True
+        self._faces, self._inverse, self._judged_at = faces, None, None
+        self._return()
+        return False
+
+    @property
+    def _stands(self) -> bool:
+        """Whether it rests on its free end and is all but straight there."""
+        return bool(self._faces) and self._faces[-1] is not None and self.pieces[-1].slack < SLIGHT
+
+    def _leant(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> Shared:
+        """With the free end of a cable that is all but straight off to the side to which it leans.
+
+        Pressed on a face it buckles to that side, however little it leans, and goes as far as there is room.
+        """
+        rows, piece = self._rows(kinematics, joints), self.pieces[-1]
+        if rows is None or not self.loose or not self.loose[-1].free or piece.slack > SLIGHT:
+            return state
+        start, tip = state.places(mounts, self.run.length)[-1].poses[0, :3], state.tips[-1]
+        beside = Surface.at(rows[nearest(rows, tip.position)[1]], tip.position)
+        n, chord = beside.normal, tip.position - start
+        drop, aside = chord @ n - beside.gap, chord - (chord @ n) * n
+        room, size = piece.length**2 - drop**2, float(np.linalg.norm(aside))
+        if beside.gap > SLIGHT * piece.length or not room > 4.0 * size**2:
+            return state
+        if size < LEANS * piece.length:
+            aside = ASIDE - (ASIDE @ n) * n  # any side is as good
+        there = start + drop * n + ROOM * np.sqrt(room) * aside / np.linalg.norm(aside)
+        return state._replace(tips=(*state.tips[:-1], tip._replace(position=there)))
+
     def _descended(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> Shared | None:
         """The stable equilibrium that a descent from the last one ends at; None: none was found."""
         assert self.state is not None
-        state, kept = self.state, self._kept
+        state, kept = self._leant(kinematics, joints, mounts, self.state), self._kept
         self._inverse = self._judged_at = self._before = None
-        if self._kept and not self._move(kinematics, joints, mounts, state, True):
+        if self._kept and self._move(kinematics, joints, mounts, state, True, True) is None:
             return None
 
         def energy() -> float:
@@ -133,7 +208,7 @@ class Released(Balance):
             nonlocal state
             self._keep()
             faces, to = self._faces, self._caught(kinematics, joints, to, BESIDE)
-            if not self._move(kinematics, joints, mounts, to, fall):
+            if self._move(kinematics, joints, mounts, to, fall, True) is None:
                 self._return()
                 self._faces = faces
                 return None

@@ -11,7 +11,9 @@ import numpy as np
 
 from cable_ros.branch.coupled_modes import Piece
 from cable_ros.branch.modes import modes, vibrating
+from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.report import contact_table
+from cable_ros.contact.response import HELD
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
 from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import output, quaternion
@@ -123,10 +125,17 @@ class Tangent:
         self._q, self._F, self._unit, self._names, self._density = q, F, unit, names, density
         self._start = start
 
-    def _rod(self) -> Rod:
+    def _rod(self, held: bool = False) -> Rod:
         copy = self._snapshot()
         copy.set_conditions(*self._conditions)
+        if held and isinstance(copy, FixedSetRod):
+            copy.yield_at_end(HELD)
         return copy
+
+    @property
+    def slack(self) -> float:
+        """What the cable is longer than the distance of its ends, as a fraction of its length."""
+        return 1.0 - float(np.linalg.norm(self._conditions[1]))
 
     def modes(self, count: int, points: int) -> Modes:
         """See `Equilibrium.modes`."""
@@ -134,12 +143,12 @@ class Tangent:
 
     def piece(self) -> Piece:
         """Of a cable with supports, one that vibrates."""
-        own = vibrating(self._rod(), self._q, self._F)
+        own = vibrating(self._rod(held=True), self._q, self._F)
         return Piece(own, self._unit, self._density, self._start)
 
-    def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
-        """See `Equilibrium.wrench_response`."""
-        return self.response_of(self.numbers(obstacles))
+    def wrench_response(self, obstacles: Sequence[str], held: bool = False) -> np.ndarray:
+        """See `Equilibrium.wrench_response`; `held`: whether an end stays that would yield."""
+        return self.response_of(self.numbers(obstacles), held)
 
     def parts(self) -> tuple[Any, np.ndarray, np.ndarray, Units, np.ndarray]:
         """A rod at the equilibrium, its nodal frames and end force, the cable's units and its start clamp."""
@@ -154,9 +163,9 @@ class Tangent:
         """The name of an obstacle by its number."""
         return self._names[which]
 
-    def response_of(self, moving: Sequence[int]) -> np.ndarray:
+    def response_of(self, moving: Sequence[int], held: bool = False) -> np.ndarray:
         """The same for obstacles by number."""
-        copy, q, F, unit, start = self._rod(), self._q, self._F, self._unit, self._start
+        copy, q, F, unit, start = self._rod(held), self._q, self._F, self._unit, self._start
         scale_wrench = np.tile(np.repeat([unit.force, unit.moment], 3), 2 + len(moving))
         scale_motion = np.tile(np.repeat([unit.length, 1.0], 3), 2 + len(moving))
         response = copy.wrench_response(q, F, moving)

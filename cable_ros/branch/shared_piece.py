@@ -11,18 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.branch.cable_tracker import CableTracker
-from cable_ros.branch.cold_start import Conditions, Found, equilibria
+from cable_ros.branch.cold_start import Conditions
 from cable_ros.branch.coupling import Ends, Section
 from cable_ros.branch.held_ends import ends_of
 from cable_ros.branch.results import Reader, Tangent
-from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY
+from cable_ros.branch.searched_equilibrium import ALGEBRAIC
 from cable_ros.branch.snap_through import snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.lengthening import lengthen
-from cable_ros.contact.overlaps import OUTLINE
 from cable_ros.contact.points import BEFORE, FRICTION
 from cable_ros.contact.travel import SHORTER, travel
 from cable_ros.effects.effect import Properties
@@ -30,12 +29,11 @@ from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.held_rod import HeldRod
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.units import Units, relative
 from cable_ros.rod.without_contact import SAME
-from cable_ros.scene import Cable, Kinematics
-from cable_ros.scene.model import CLAMPED, Mount
+from cable_ros.scene import Kinematics
 
 MOST_TURN = 0.35
 """Maximum rotation of a section in one attempt, rad."""
@@ -46,6 +44,10 @@ REMEDY = "It stays so until reset is called (of the node: ~/reset), which takes 
 ROUGHLY = 1e-2
 """Tolerance of an equilibrium without obstacles, beside which one is searched for."""
 WORLD = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+YIELD = 0.1
+"""How far an end that yields does so, L, at the cable's load or at EI / L^2."""
+STRAIGHT = 1e-9
+"""Slack, L, below which a piece that is held at both ends is straight: nothing leads on from there."""
 LENGTHENED = 1e-3
 """Relative change of the length after which a piece is judged again, also if no section has turned."""
 
@@ -73,6 +75,8 @@ class Place(NamedTuple):
     """m."""
     begin: float = 0.0
     """Arc length of the cable where it starts, m."""
+    yields: np.ndarray | None = None
+    """See `Tip.yields`: along these directions its end is tried there, and is where forces let it be."""
 
 
 class Kept(NamedTuple):
@@ -104,26 +108,14 @@ class SharedPiece(CableTracker):
     _turned = np.nan
     """Rotation, rad, after which its factors were renewed since the last result; inf: not known. NaN: they
     were not."""
+    astray = NOTHING
+    """(3,) m, world, from where its end was tried last to where it is."""
     worked = 0.0
     """Iterations times unknowns since this was set to 0."""
     _spent = 0
     """Iterations since the last result."""
     _known_ends: tuple[tuple[object, ...], Ends] | None = None
     """The ends of the equilibrium known last, and which that is."""
-
-    def __init__(
-        self, cable: Cable, properties: Properties, tolerance: float, polyline_points: int,
-        obstacle_names: Sequence[str] = (), loose: bool = False,
-    ) -> None:  # fmt: skip
-        """As `TrackedEquilibrium`; `loose`: ends that are not clamps are solved outside, see `loose_ends`."""
-        held = cable
-        if loose:
-            start, end = (replace(mount, kind=CLAMPED, turns=False) for mount in cable.mounts)
-            held = replace(cable, start=start, end=end)
-        super().__init__(held, properties, tolerance, polyline_points, obstacle_names)
-        load = sum(float(np.linalg.norm(mount.force)) for mount in cable.mounts) / self._units.force
-        bend = sum(float(np.linalg.norm(mount.moment)) for mount in cable.mounts) / self._units.moment
-        self._given = load + bend if loose else None
 
     def reset(self) -> None:
         super().reset()
@@ -156,40 +148,6 @@ class SharedPiece(CableTracker):
             return None
         return placed(self._obstacles, kinematics.obstacle_poses(joints), WORLD, 1.0)
 
-    def without_obstacles(
-        self, mounts: tuple[Mount, Mount], poses: np.ndarray
-    ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Points (n, 3), m, and frames (n, 4), world, of its equilibria between `mounts` at `poses` (2, 7) if
-        there were no obstacles; by rising energy.
-        """
-        ends, unit = ends_of(*mounts, self._units), self._units
-        there = Conditions(*relative(poses, IDENTITY, self._weight, unit.length, unit.force))
-        if ends is None or not ends.chord(there.qe, there.re) < 1.0:
-            return []
-        out = []
-        section = self._stiffness, self._natural
-        for one in equilibria(*section, there, None, ROUGHLY, False, None, ends):
-            start = poses[0].copy()
-            if not ends.start.held:
-                turn = quaternion.matrix_from_ros(start[3:])
-                start[:3] = poses[1, :3] - unit.length * turn @ one.rod.totals[:3]
-            out.append(Reader().read(one.rod, one.q, one.F, start, unit, OUTLINE)[2:])
-        return out
-
-    @property
-    def _counts(self) -> float:
-        """Wrench that counts as nothing: at an end that bears none, that of the loads is what is told of."""
-        if self._given is None:
-            return Rod.least
-        weight = float(np.linalg.norm(self._weight)) / self._units.force * self.length
-        load = self._given + weight
-        return max(Rod.least, 0.5 * min(load, np.sqrt(load)))
-
-    def _take(self, found: Found, joints: np.ndarray) -> None:
-        if self._given is not None:
-            found.rod.least = self._counts
-        super()._take(found, joints)
-
     @property
     def rubs(self) -> bool:
         """Whether friction of obstacles may hold it."""
@@ -211,6 +169,12 @@ class SharedPiece(CableTracker):
     def length(self) -> float:
         """m."""
         return self._units.length
+
+    @property
+    def slack(self) -> float:
+        """What it is longer than the distance of its ends, as a fraction of its length."""
+        assert self._rod is not None
+        return 1.0 - self._rod.chord(self._rod.qe, self._rod.re)
 
     def set_length(self, length: float) -> None:
         """Take another length, m: the rod, in units of its length, gets another load and natural strain."""
@@ -294,7 +258,9 @@ class SharedPiece(CableTracker):
         near = obstacles is None or (
             travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) <= rod.longest_step
         )
-        if near and rod.chord(qe, re) < 1.0:
+        self._let_yield(rod, place)
+        holds = rod.chord(qe, re) < 1.0 and self.slack > STRAIGHT
+        if near and (place.yields is not None or holds):
             rod.work, rod.patience, rod.short, rod.trial = self._full_budget, 0, False, self.rubs
             for tolerance in (1.0, STALLED):
                 rod.then = then
@@ -308,6 +274,7 @@ class SharedPiece(CableTracker):
             if code == warm_step.ADVANCED:
                 self._q, self._F, self._joints, self._begin = q, F, joints, place.begin
                 self._spent += iterations
+                self._arrived(rod, place)
                 if rod.rotation == 0.0:
                     self._turned = np.fmax(self._turned, rod.rotation_before)
                 if kept is None:
@@ -322,6 +289,12 @@ class SharedPiece(CableTracker):
             self._restore(self._origin)
         self.set_length(before)
         return False
+
+    def _let_yield(self, rod: Rod, place: Place) -> None:
+        """Before a step to `place`: see `LoosePiece`."""
+
+    def _arrived(self, rod: Rod, place: Place) -> None:
+        """After it."""
 
     def _lengthen(self, rod: Rod, place: Place) -> tuple[float, float]:
         """Take the length at another place; what its material was then, ratio and shift of `lengthen`."""
@@ -374,6 +347,7 @@ class SharedPiece(CableTracker):
         )
         if not rod.chord(there.qe, there.re) < 1.0:
             return False
+        self._let_yield(rod, place._replace(yields=None))
         rod.work = self._full_budget
         found = snap_through(rod, self._q, self._F, there)
         if found is not None:

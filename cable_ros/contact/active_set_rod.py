@@ -305,7 +305,7 @@ class ActiveSetRod(FixedSetRod):
                 return warm_step.ADVANCED if ready else warm_step.NOT_CONVEX, iterations, q_new, F_new
         if moved and remesh:
             self._remeshing.skip()
-        left_unstable = not self.count and not super().refactor(q_new, F_new)
+        left_unstable = self.bare and not super().refactor(q_new, F_new)
         if sunk or left_unstable:
             self.restore(kept, mesh)
             self.set_conditions(*before)

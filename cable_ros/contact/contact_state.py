@@ -123,7 +123,7 @@ class Options(NamedTuple):
 
 
 class Strain(NamedTuple):
-    """What a cable that stretches needs; all but the compliance is empty for one that keeps its length."""
+    """What gives way; all but compliance and `give` is empty for a cable that keeps its length."""
 
     compliance: np.ndarray
     """(3,) of `rod_state.Stretch`, 0 against shear, L^2 / EI."""
@@ -135,6 +135,8 @@ class Strain(NamedTuple):
     skew: np.ndarray
     """(rows, rows) the same with friction: where it slips it goes along with the normal force, as in `W`, and
     it moves along the cable with its point."""
+    give: np.ndarray
+    """(3, 3) how far the end position gives way to changes of the end force, L^3 / EI."""
 
 
 class KKT(NamedTuple):
@@ -149,7 +151,7 @@ class KKT(NamedTuple):
     factors: Factors
     """Its factors."""
     strain: Strain
-    """Of a cable that stretches."""
+    """What gives way."""
 
 
 class PointTerms(NamedTuple):

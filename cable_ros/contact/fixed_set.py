@@ -36,7 +36,7 @@ from cable_ros.contact.points import (
     total_force,
 )
 from cable_ros.contact.resolution import highest_mode, misplaced
-from cable_ros.contact.response import UNSTRAINED, Contacts, wrench_response
+from cable_ros.contact.response import HELD, UNSTRAINED, Contacts, wrench_response
 from cable_ros.rod import entry_points, error_estimate, quaternion
 from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
@@ -64,6 +64,11 @@ RELEASED = 1e30
 
 LONGEST_STAY = 31
 """Maximum number of steps that keep a mesh after another one failed."""
+
+SAME_COMPLIANCE = 0.01
+"""Maximum change of the end's compliance, relative, with which factors still serve."""
+UNSTRAINED_HELD = NOTHING, UNSTRAINED, np.zeros((0, 0)), np.zeros((0, 0)), HELD
+"""`Strain` of a cable that keeps its length and is held at its end."""
 
 
 class FixedSetRod(Rod):
@@ -184,8 +189,26 @@ class FixedSetRod(Rod):
         """`Factors` for stability and error estimates, with this Schur complement."""
         return self.A, self.L, self.pivots, self.responses, complement
 
-    strain: tuple[np.ndarray, ...] = (NOTHING, UNSTRAINED, np.zeros((0, 0)), np.zeros((0, 0)))
-    """`Strain`."""
+    end_compliance = HELD
+    """(3, 3) how far the end gives way to changes of the end force since the last equilibrium, L^3 / EI: that
+    of a cable that is all but straight must, if what pulls it is given; see `yield_at_end`."""
+    _yields = False
+
+    def yield_at_end(self, compliance: np.ndarray) -> None:
+        """Set the `end_compliance` (3, 3)."""
+        other = np.abs(compliance - self.end_compliance).max()
+        self.end_compliance, self._yields = compliance, bool(compliance.any())
+        self.ready = self.ready and bool(other <= SAME_COMPLIANCE * np.abs(compliance).max())
+
+    @property
+    def bare(self) -> bool:
+        """Whether two clamps hold it, and nothing else: it has no constraint rows but those of its end."""
+        return self.count == 0 and not self._yields
+
+    @property
+    def strain(self) -> tuple[np.ndarray, ...]:
+        """`Strain`."""
+        return (*UNSTRAINED_HELD[:-1], self.end_compliance) if self._yields else UNSTRAINED_HELD
 
     # where it is
 
@@ -261,7 +284,7 @@ class FixedSetRod(Rod):
         ))  # fmt: skip
 
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
-        if not self.count:
+        if self.bare:
             return super().refactor(q, F)
         self.trace(q, F)
         self._normal = self.settled = None
@@ -275,8 +298,10 @@ class FixedSetRod(Rod):
         """Factor the bordered system; whether it is positive definite on the equalities' tangent space."""
         self.judged = True
         system = *self.saddle[:2], self._factors(self.complement)
-        reach = self.strain[2]
-        return bool(entry_points.kkt_factor(mu, system, self.V, self.delta, reach, self.rows, equalities))
+        reach, give = self.strain[2], self.end_compliance
+        return bool(
+            entry_points.kkt_factor(mu, system, self.V, self.delta, reach, give, self.rows, equalities)
+        )
 
     def _judge(self) -> None:
         """Compute factors for stability and error estimates: those of the iteration with friction are not."""
@@ -293,7 +318,7 @@ class FixedSetRod(Rod):
     # what an equilibrium says
 
     def _softest(self) -> float:
-        if not self.count:
+        if self.bare:
             return super()._softest()
         self._judge()
         order, factors = self.mesh.element.order, self._factors(self.complement)
@@ -302,7 +327,7 @@ class FixedSetRod(Rod):
         ))  # fmt: skip
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        return self.wrench_response(q, F, ()) if self.count else super().clamp_stiffness(q, F)
+        return super().clamp_stiffness(q, F) if self.bare else self.wrench_response(q, F, ())
 
     def wrench_response(self, q: np.ndarray, F: np.ndarray, moving: Sequence[int]) -> np.ndarray:
         """As `Rod.wrench_response`; see `response.wrench_response`.
@@ -310,7 +335,7 @@ class FixedSetRod(Rod):
         NaN for a cable that stretches and touches what has friction: where its point rolls along the cable it
         creeps to one side otherwise than to the other.
         """
-        if not self.count:
+        if self.bare:
             return super().wrench_response(q, F, moving)
         if self.compliance.any() and self.model == COULOMB and self.rough().any():
             return np.full((12 + 6 * len(moving), 12 + 6 * len(moving)), np.nan)
@@ -352,7 +377,7 @@ class FixedSetRod(Rod):
             loads = DeadLoads.of(self.mesh, self.shape(q), self.saddle[1][2], points, *given)
         compliance, G = self.strain[:2]
         return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving,
-                               compliance, G, loads)  # fmt: skip
+                               compliance, G, loads, self.end_compliance)  # fmt: skip
 
     def rough(self) -> np.ndarray:
         """(count,) which contact points press on an obstacle with friction."""
@@ -363,7 +388,7 @@ class FixedSetRod(Rod):
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """As `Rod.wrench_error`, with the contact forces as loads and the constraint rows of the contacts."""
-        if not self.count:
+        if self.bare:
             return super().wrench_error(q, F)
         self._judge()
         Fe, residual = np.empty((len(self.h), 3)), np.empty(self.g.size)
@@ -390,7 +415,7 @@ class FixedSetRod(Rod):
         """The end position (3,) and, in place, the elements' `boundaries` (m + 1, 3) without the displacement
         by axial strain, whose pull on the nodes is added to `acc`.
         """
-        return self.re
+        return boundaries[-1] if self._yields else self.re
 
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """(2,) relative errors of the forces with which the clamps press on a plane that the cable lies on.

@@ -80,6 +80,7 @@ def skew_factor(kkt, count, order):
     banded.factor(A, 3, n - 3, order, U, pivots)
     complement(kkt.rows.V, kkt.rows.W, count, order, kkt.factors)
     add_reach(kkt.strain.skew, count, S)
+    add_reach(kkt.strain.give, 3, S)
     for a in range(count):
         S[a, a] += kkt.rows.delta[a]
 
@@ -202,8 +203,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 steady = same or model != COULOMB
             if full and same:
                 convex = kkt_factor(
-                    tangents, 0.0, order, factors, V, rows.delta, strain.reach, total_rows, 3 + count
-                )
+                    tangents, 0.0, order, factors, V, rows.delta, strain.reach, strain.give, total_rows,
+                    3 + count,
+                )  # fmt: skip
             elif full:
                 skew_factor(kkt, total_rows, order)
             if full or swaps.shape[0] != total_rows:
@@ -211,6 +213,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             b[:] = 0.0
             for a in range(3):
                 b[a] = totals[a] - re[a]
+                for k in range(3):
+                    b[a] += strain.give[a, k] * (F_new[k] - F[k])
             for i in range(3, total_rows):
                 b[i] = gaps[i - 3]
             if tangent:

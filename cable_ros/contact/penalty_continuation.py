@@ -16,6 +16,7 @@ from cable_ros.contact.edge_rounding import remove_rounding, rounded
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.penalty import PenaltyProblem
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, INTERFACE, OBSTACLE
+from cable_ros.contact.response import HELD
 from cable_ros.rod import warm_step
 from cable_ros.solve.trust_region import Options, minimize
 
@@ -53,7 +54,8 @@ def descend(
     see `press`. Contacts and mesh are put back where it fails.
     """
     assert rod.obstacles is not None
-    sharp, kept, mesh = rod.obstacles, rod.state(), rod.mesh
+    sharp, kept, mesh, give = rod.obstacles, rod.state(), rod.mesh, rod.end_compliance
+    rod.yield_at_end(HELD)
     if round_edges:
         rod.obstacles = rounded(sharp)
     found = _descend(rod, q, F, options, first, taut, foundation)
@@ -62,6 +64,7 @@ def descend(
         found = remove_rounding(rod, found[0], found[1], sharp, options.step_tolerance)
         found = None if found is None else (found[0], found[1], total + found[2])
     rod.obstacles = sharp
+    rod.yield_at_end(give)
     if found is None:
         rod.restore(kept, mesh)
     return found

@@ -40,6 +40,8 @@ CONDITION = 1e13
 
 NOTHING, UNSTRAINED = np.zeros(3), np.zeros((0, 0, 3))
 """A cable that keeps its length."""
+HELD = np.zeros((3, 3))
+"""An end that does not give way."""
 
 
 class Contacts(NamedTuple):
@@ -88,7 +90,7 @@ class Rows:
 def wrench_response(
     shape: tuple[Any, ...], clamps: tuple[np.ndarray, ...], tangents: tuple[np.ndarray, ...],
     bodies: np.ndarray, contacts: Contacts, moving: Sequence[int], compliance: np.ndarray = NOTHING,
-    G: np.ndarray = UNSTRAINED, loads: DeadLoads | None = None,
+    G: np.ndarray = UNSTRAINED, loads: DeadLoads | None = None, give: np.ndarray = HELD,
 ) -> np.ndarray:  # fmt: skip
     """Derivative (12 + 6 k, 12 + 6 k) of the wrenches on the cable by motions of clamps and obstacles.
 
@@ -109,6 +111,7 @@ def wrench_response(
         G: (m, g, 3) internal forces at the Gauss points, of a cable that stretches.
         loads: given friction of some contact points, not with a compliance: then `LOADS` more columns and
             `ANSWERS` more rows for each, see there, and the wrenches of its obstacle are without it.
+        give: (3, 3) how far the end gives way to the end force, along the axes of the start clamp.
     """
     qe, F, start_force, g = clamps
     hessian, C = (tangents[0], tangents[1]), tangents[-1]
@@ -160,6 +163,8 @@ def wrench_response(
     V[end] = W[end] = C
     lines[end, m] = np.eye(3)
     c[end] = C[:, clamps] @ x_clamps + shift - end_shift
+    D[np.ix_(end, end)] = give
+    c[end] += give @ cross_matrix(F) @ x_clamps[:3]  # the force turns with the start clamp, and moves nothing
 
     gap = rows.take(m)
     V[gap] = np.einsum("ia,iaj->ij", normals, displacement)

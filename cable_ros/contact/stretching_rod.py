@@ -92,8 +92,8 @@ class StretchingTouchingRod(StrainingTouchingRod):
             setattr(self, name, whole)
 
     @property
-    def strain(self) -> tuple[np.ndarray, ...]:  # type: ignore[override]
-        return self.compliance, self.internal, self.row_reach, self.skew_reach
+    def strain(self) -> tuple[np.ndarray, ...]:
+        return self.compliance, self.internal, self.row_reach, self.skew_reach, self.end_compliance
 
     @property
     def replaceable(self) -> bool:  # type: ignore[override]

@@ -48,6 +48,7 @@ class TouchingRod(ActiveSetRod):
         )
         new.set_conditions(self.qe, self.re, self.f / scale, self.obstacles)
         new.model, new.direction, new.forgot = self.model, self.direction, self.forgot
+        new.yield_at_end(self.end_compliance * scale)
         new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
         new.points[:, FORCE : BEFORE + 3] /= scale
         if mesh is not None:
@@ -71,7 +72,7 @@ class TouchingRod(ActiveSetRod):
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
         """Descend with soft obstacles, which any shape can start from, then with hard ones."""
         self.ready = False
-        if self.count:
+        if not self.bare:
             # mostly the same equilibrium on another mesh: its contacts are known
             known = self._from_contacts(q, F, options.step_tolerance)
             if known is None and self._join_short():
@@ -112,7 +113,7 @@ class TouchingRod(ActiveSetRod):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         assert obstacles is not None
         assert self.obstacles is not None
-        if not self.count:
+        if self.bare:
             before = self.qe, self.re, self.f
             self.ready = False
             code, iterations, q_new, F_new = super().advance(q, F, qe, re, f, tolerance, limit)

@@ -188,7 +188,7 @@ def saddle_step(g, c, C, order, factors, s, dF):
 
 
 @njit(**INNER)
-def kkt_factor(tangents, mu, order, factors, V, delta, reach, count, equalities):
+def kkt_factor(tangents, mu, order, factors, V, delta, reach, give, count, equalities):
     """`factor` with more constraint rows; whether the whole is a strict minimum.
 
     With H' = H + mu D + sum v v^T / delta over the rows of V beyond the equalities, the bordered matrix has
@@ -200,6 +200,7 @@ def kkt_factor(tangents, mu, order, factors, V, delta, reach, count, equalities)
         factors: `Factors` of `count` rows or more, overwritten.
         V, delta: (rows, 3n) constraint rows, (rows,) their compliances.
         reach: (rows, rows) how far the constraints give way to the multipliers by axial strain, or (0, 0).
+        give: (3, 3) how far the end position gives way to the end force.
         count: number of rows.
         equalities: number of the first rows that are equalities.
     """
@@ -208,6 +209,7 @@ def kkt_factor(tangents, mu, order, factors, V, delta, reach, count, equalities)
     complement(V, V, count, order, factors)
     S = factors.S
     add_reach(reach, count, S)
+    add_reach(give, 3, S)
     for a in range(count):
         for b in range(a):
             S[b, a] = S[a, b]

@@ -58,11 +58,13 @@ def saddle_step(g, c, order, system, s, dF):
 
 
 @njit(**OPTIONS)
-def kkt_factor(mu, system, V, delta, reach, count, equalities):
+def kkt_factor(mu, system, V, delta, reach, give, count, equalities):
     """See `bordered.kkt_factor`."""
     system = system_of(system)
     order = system.tangents.elastic.shape[1] // 3 - 1
-    return bordered.kkt_factor(system.tangents, mu, order, system.factors, V, delta, reach, count, equalities)
+    return bordered.kkt_factor(
+        system.tangents, mu, order, system.factors, V, delta, reach, give, count, equalities
+    )
 
 
 @njit(**OPTIONS)

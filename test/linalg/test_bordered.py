@@ -113,21 +113,28 @@ def constraint_rows(rod: Rod, extra: int, seed: int) -> tuple[np.ndarray, np.nda
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("extra", [0, 1, 4, 16])
 @pytest.mark.parametrize("force", [1.0, 60.0])
-def test_constraint_rows_with_a_compliance_are_springs(seed: int, extra: int, force: float) -> None:
+@pytest.mark.parametrize("soft", [0.0, 0.1])
+def test_what_has_a_compliance_is_held_by_springs(seed: int, extra: int, force: float, soft: float) -> None:
+    """Constraint rows and, with `soft`, the end, whose compliance is a matrix."""
     rod, gradient = bent(seed, force)
     H, C, inner = matrices(rod)
     V, delta, Vi = constraint_rows(rod, extra, seed)
     rows, n = 3 + extra, len(rod.elastic)
     Y, S = np.zeros((rows, n)), np.zeros((rows, rows))
     factors = bordered.Factors(rod.A, rod.L, rod.pivots, Y, S)
-    convex = bordered.kkt_factor(tangents(rod), 0.0, ORDER, factors, V, delta, np.zeros((0, 0)), rows, 3)
+    root = np.random.default_rng(seed).normal(size=(3, 3))
+    give, none = soft * root @ root.T, np.zeros((0, 0))
+    convex = bordered.kkt_factor(tangents(rod), 0.0, ORDER, factors, V, delta, none, give, rows, 3)
     sprung = H + sum((np.outer(v, v) / d for v, d in zip(Vi[3:], delta[3:], strict=True)), np.zeros_like(H))
+    if soft:
+        sprung, C = sprung + C.T @ np.linalg.solve(give, C), np.zeros((0, len(H)))
     assert convex == positive_on_kernel(sprung, C)
 
     violation = np.random.default_rng(seed).normal(size=rows)
     s, y = np.empty(n), np.empty(rows)
     bordered.kkt_step(gradient, violation, V, rows, ORDER, factors, s, y)
     both = np.block([[H, -Vi.T], [Vi, np.diag(delta)]])
+    both[len(H) : len(H) + 3, len(H) : len(H) + 3] += give
     expected = np.linalg.solve(both, -np.concatenate([gradient[inner], violation]))
     scale = CLOSE * np.abs(expected).max()
     assert s[inner] == pytest.approx(expected[:-rows], abs=scale)
