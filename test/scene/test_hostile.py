@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 from collections.abc import Callable
@@ -77,6 +78,15 @@ def _nested(first: str, form: str) -> str:
     return "\n".join([f"a0: &a0 {first}", *lines])
 
 
+def _merged(mappings: int, fields: int) -> str:
+    """YAML of a mapping that merges so many others, of so many fields each."""
+    lines = []
+    for i in range(mappings):
+        own = ", ".join(f"k{i}_{j}: 0" for j in range(fields))
+        lines.append(f"a{i}: &a{i} {{{own}}}")
+    return "\n".join([*lines, f"b: {{<<: [{', '.join(f'*a{i}' for i in range(mappings))}]}}"])
+
+
 LAUGHS, MERGES = _nested("[x, x]", "[{}]"), _nested("{x: 1}", "{{<<: [{}]}}")
 
 
@@ -84,7 +94,7 @@ LAUGHS, MERGES = _nested("[x, x]", "[{}]"), _nested("{x: 1}", "{{<<: [{}]}}")
     ("text", "sentence"),
     [
         (LAUGHS, "holds more than"),
-        (MERGES, "fields are in one mapping"),
+        (_merged(6, 200), "fields are in one mapping"),
         ("a: &a [*a]", "is nested more than"),
         ("[" * 100_000, "is nested more than"),
         ("a: 1\n" * 50_000, "has more than"),
@@ -97,6 +107,12 @@ LAUGHS, MERGES = _nested("[x, x]", "[{}]"), _nested("{x: 1}", "{{<<: [{}]}}")
 )
 def test_yaml_that_is_a_bomb_or_damaged(text: str, sentence: str) -> None:
     assert sentence in told(lambda: parse_yaml(text, "scene.yaml"))
+
+
+def test_a_mapping_that_merges_itself_many_times_over() -> None:
+    """PyYAML before 6.0.4 keeps every copy of a field, and it is refused."""
+    with contextlib.suppress(SceneError):
+        assert parse_yaml(MERGES, "scene.yaml")["a29"] == {"x": 1}
 
 
 def test_an_integer_of_400_digits(tmp_path: Path) -> None:
