@@ -163,3 +163,23 @@ def test_the_side_of_a_fork_is_told_and_does_not_depend_on_the_steps() -> None:
         ends.append(found[-1].end_wrench)
     assert ends[1] == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
     assert abs(ends[0][1]) > 5e-3 * np.abs(ends[0]).max()
+
+
+def test_a_cable_that_falls_off_a_ball_falls_to_the_side_that_it_would_fork_to() -> None:
+    """A ball is pushed up under a planar cable: told in few poses it falls aside, in more it forks.
+
+    How a fall began once picked the side.
+    """
+    case, ends = drawn_case(114, 42, 1e-4), []
+    for count in (1, 2, 3, 4, 8):
+        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+        found = [tracker.arrive(dict(pose))["cable"] for pose in refined(case.path[:5], count)]
+        (left,) = [
+            i for i, one in enumerate(found) if one.status is Status.SNAPPED or "forked" in one.message
+        ]
+        assert all(abs(one.end_wrench[1]) < 1e-6 for one in found[:left])
+        assert {one.status for one in found} <= {Status.CONVERGED, Status.SNAPPED}
+        ends.append(found[-1].end_wrench)
+    for end in ends:
+        assert end == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+    assert abs(ends[0][1]) > 0.5  # N; 0 in the plane

@@ -67,7 +67,6 @@ DRAWN = {
     (114, 4): "over smooth beams: the branch is lost on a finer path only",
     (114, 28): "a table: a contact is said to stick and has moved 1.1e-4 of the length",
     (114, 31): "a hose, told in 4 times as many poses: 1.1 %",
-    (114, 42): "a ball pushed up: a fork is taken to one side in one step and to the other in two",
     (114, 49): "over two rough beams: no start arrives",
     (114, 50): "an edge on a grid: 1.1e-4 of the length inside",
 }

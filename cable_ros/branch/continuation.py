@@ -218,7 +218,7 @@ def continue_branch(
                 rod.work = min(rod.work, left - DESCENT_COST * found.iterations * rod.elastic.shape[0])
             snaps.append(snap)
             iterations += found.iterations
-            q, F = found.q, found.F
+            rod, q, F = found.rod, found.q, found.F
             if snap.jumped:
                 margins.clear()  # of another branch
             continue
@@ -233,7 +233,7 @@ def continue_branch(
             return ended(End.STUCK)
         found, snap, _ = snapped
         snaps.append(snap)
-        iterations, q, F = iterations + found.iterations, found.q, found.F
+        iterations, rod, q, F = iterations + found.iterations, found.rod, found.q, found.F
     return ended(End.ARRIVED)
 
 

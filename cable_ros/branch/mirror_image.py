@@ -5,15 +5,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import SEARCH_OPTIONS, Found, Sought, same, settle
+from cable_ros.branch.cold_start import SEARCH_OPTIONS, Conditions, Found, Sought, same, settle
+from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod.initial_shapes import side
 
 SYMMETRIC = 1e-9
 """Maximum distance of what is in the plane of symmetry from it, L: rounding of the joint values."""
 EVEN = 5e-4
 """Maximum twist asked for, rad, to which an equilibrium and its mirror image are equally near: a path's
 rounding."""
+GRID = np.linspace(0.0, 1.0, 33)
+"""Where shapes are compared."""
 SAME_SHAPE = 1e-6
 """Maximum difference of the frames of a shape that is its own mirror image."""
 
@@ -50,16 +54,60 @@ def reflected(q: np.ndarray, n: np.ndarray) -> np.ndarray:
 
 def mirror_image(one: Found, n: np.ndarray) -> Found | None:
     """The mirror image of `one` by `plane_of_symmetry`; None if it is no equilibrium, or `one` itself."""
+    image = _image(one, n)
+    return None if image is None or same(image, one) else image
+
+
+def _image(one: Found, n: np.ndarray) -> Found | None:
+    """As `mirror_image`, also of one that is hardly out of the plane."""
     rod, q = one.rod, reflected(one.q, n)
     if np.abs(q - one.q).max() < SAME_SHAPE:
         return None
+    if isinstance(rod, NodalRod):
+        return _on_its_grid(rod, n)
     F = one.F - 2.0 * float(n @ one.F) * n
     image = _with_its_contacts(rod, q, F) if isinstance(rod, TouchingRod) and rod.count else None
     if image is None:
         other = rod.variant(rod.mesh)
         other.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
         image = settle(other, other.on_end(q), F, SEARCH_OPTIONS)
-    return None if image is None or same(image, one) else image
+    return image
+
+
+def by_rule(found: Found, shape: np.ndarray) -> tuple[Found, bool]:
+    """An equilibrium to which a shape fell, or its mirror image: that which leads more to `SIDE`.
+
+    How the fall began must not pick one where the shape (n, 4) is its own image; the second is whether that
+    was so. With friction there is no choice, for the history has no symmetry.
+    """
+    rod = found.rod
+    if rod.frictional or (isinstance(rod, NodalRod) and rod.state.tau.any()):
+        return found, False
+    n = plane_of_symmetry(Sought(rod.K, rod.natural, Conditions(rod.qe, rod.re, rod.f), None, SYMMETRIC))
+    if n is None or np.abs(reflected(shape, n) - shape).max() > SAME_SHAPE:
+        return found, False
+    image = _image(found, n)
+    if image is None:
+        return found, False
+    image.rod.work, image.rod.patience, image.rod.short = rod.work, rod.patience, rod.short
+    return found if _side(image) < _side(found) else image, True
+
+
+def _side(one: Found) -> float:
+    return side(one.rod.mesh.interpolate(one.q, GRID), GRID)
+
+
+def _on_its_grid(rod: NodalRod, n: np.ndarray) -> Found | None:
+    """The mirror image of the equilibrium of a rod on a grid of contacts; None if it is none."""
+    assert rod.obstacles is not None
+    across = np.eye(3) - 2.0 * np.outer(n, n)
+    arc_lengths, _, _, forces, obstacles, _, _ = rod.contacts()
+    image = NodalRod(rod.K, rod.natural, rod.obstacles, rod.cells, rod.coulomb, rod.compliance, rod.at)
+    shape, end_force = reflected(rod.shape, n), across @ rod.end_force
+    if not image.adopt(rod, shape, end_force, arc_lengths, forces @ across, obstacles):
+        return None
+    image.linearize(image.shape, image.end_force)
+    return Found.at(image, image.shape, image.end_force)
 
 
 def _with_its_contacts(rod: TouchingRod, q: np.ndarray, F: np.ndarray) -> Found | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from cable_ros.branch.branch_switching import switch_branch
 from cable_ros.branch.cold_start import Conditions, Found, settled
+from cable_ros.branch.mirror_image import by_rule
 from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import Rod
@@ -105,10 +106,12 @@ def snap_and_record(
         found, end = _fall(rod, q, F, path, (min(1.0, at + AHEAD * step), 1.0))
     if found is None:
         return None
+    found, forked = by_rule(found, shape)
     jumped, to_fold = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), 0.0 if crossed else np.inf
     if jumped and not crossed:
         earlier = margins[-2:-1] or _earlier_margin(before, q, F, path, at, step, tolerance)
         to_fold = min((_to_fold(at, margin, *one) / step for one in earlier), default=np.inf)
+    forks = forks or (forked and not jumped)
     record = SnapThrough(
         at, energy, found.energy, twist, found.twist, jumped, touched, margin, to_fold, crossed, forks
     )
