@@ -10,20 +10,23 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 from test_touching_ends import DIAMETER, FREE, GROUND, among
 from zoo_supports import CART
 
 from cable_ros import Tracker
+from cable_ros.branch.cold_start import without_slivers
 from cable_ros.equilibrium import Status
+from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.scene import load_scene
 
 TOLERANCE = 1e-6
 
 
-def tracker(weight: float, digits: int, *obstacles: dict) -> Tracker:
+def tracker(weight: float, digits: int, *obstacles: dict, tolerance: float = TOLERANCE) -> Tracker:
     """One of a cable of 1 m that hangs down from 1.1 m, its rpy written with so many digits."""
     start = {"link": "cart", "position": [0.0, 0.0, 1.1], "rpy": [round(np.pi, digits), 0.0, 0.0]}
-    return Tracker(load_scene(among(start, FREE, *obstacles, weight=weight), urdf=CART), tolerance=TOLERANCE)
+    return Tracker(load_scene(among(start, FREE, *obstacles, weight=weight), urdf=CART), tolerance=tolerance)
 
 
 def critical_load(weight: float) -> float:
@@ -60,12 +63,43 @@ def test_lowered_to_the_ground_it_buckles_at_its_critical_load(weight, digits):
             assert found.start_wrench[2] == pytest.approx(weight - rests.force[2], abs=1e-5 * weight)
 
 
+@pytest.mark.parametrize("weight", [0.5, 5.0, 50.0])
+def test_lowered_until_it_lies_a_cable_that_leans_to_no_side_turns_freely(weight):
+    """About the vertical: its least eigenvalue is 0, also where what it lies on takes a moment."""
+    hose, margins = tracker(weight, 15, GROUND, tolerance=1e-4), []
+    for height in np.concatenate([[0.1, -1e-4], np.linspace(-0.1, -0.7, 13)]):
+        found = hose.arrive({"x": 0.0, "y": 0.0, "z": 0.5 * DIAMETER - 0.1 + height})["c"]
+        assert found.status in (Status.CONVERGED, Status.SNAPPED), found.message
+        margins.append(found.stability_margin)
+    assert margins[2:] == [0.0] * 13
+    tangent = Rotation.from_quat(found.orientations[-1]).apply([0.0, 0.0, 1.0])
+    assert abs(tangent[2]) < 1e-9  # it lies
+
+
+@pytest.mark.parametrize("weight", [0.5, 5.0, 50.0])
+@pytest.mark.parametrize("height", [0.01, 0.1, 0.3])
+def test_found_cold_on_the_ground_it_is_as_it_is_led_there(weight, height):
+    """Nothing but 2.7e-6 rad tells to which side it goes, so what is the same is its size."""
+    joints = {"x": 0.0, "y": 0.0, "z": 0.5 * DIAMETER - 0.1 - height}
+    led, cold = (tracker(weight, 5, GROUND, tolerance=1e-4) for _ in range(2))
+    for above in (0.1, -1e-4):
+        led.arrive(joints | {"z": 0.5 * DIAMETER - 0.1 + above})
+    ends = []
+    for one in (led.arrive(joints)["c"], cold.arrive(joints)["c"]):
+        assert one.status in (Status.CONVERGED, Status.SNAPPED), one.message
+        assert one.contacts
+        moment, aside = np.linalg.norm(one.start_wrench[3:5]), np.linalg.norm(one.points[-1, :2])
+        ends.append([one.start_wrench[2] / weight, moment / weight, aside])
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-3)  # a few times the tolerance
+
+
 def test_led_over_the_ground_it_is_as_without_it():
     plain, beside = tracker(5.0, 15), tracker(5.0, 15, GROUND)
     for x in np.linspace(0.0, 1.0, 6):
         joints = {"x": x, "y": -0.5 * x, "z": 0.1 * x}
         one, two = plain.arrive(joints)["c"], beside.arrive(joints)["c"]
         assert two.status is Status.CONVERGED, two.message
+        assert two.stability_margin > 0.01
         np.testing.assert_allclose(two.start_wrench, one.start_wrench, atol=1e-6)
         np.testing.assert_allclose(two.points, one.points, atol=1e-6)
         np.testing.assert_allclose(two.clamp_stiffness, one.clamp_stiffness, atol=1e-5)
@@ -97,3 +131,11 @@ def test_a_load_that_hangs_on_a_straight_cable_is_led_against_a_ball():
         exerted = found.start_wrench[:3] * [1.0, -1.0, -1.0]  # along the world's axes
         np.testing.assert_allclose(exerted, push + [0.0, 0.0, -25.0], atol=1e-4)
         assert bool(found.contacts) == (x > 0.05)
+
+
+def test_slivers_are_joined_to_their_neighbours():
+    """Elements that a contact left, from which a finer mesh would grow to a million."""
+    lengths = np.array([0.5, 0.25, 9e-9, 0.25 - 1e-8, 1e-9])
+    whole = without_slivers(Mesh(reference_element(6), lengths))
+    np.testing.assert_allclose(whole.lengths, [0.5, 0.25, 0.25], atol=1e-7)
+    assert whole.lengths.sum() == pytest.approx(lengths.sum(), abs=1e-15)

@@ -463,7 +463,7 @@ class Balance:
         tangent = self.tangent(mounts, state)
         sides, free = tangent.sides(), self.free
         plain = assemble(sides, np.zeros(len(self._guides)), tangent.loose)
-        margin = judged(plain.tangent, free, self.scale())
+        margin = judged(plain.hessian, free, self.scale())
         if self._turns_freely and abs(margin) < NEUTRAL:
             margin = NEUTRAL
         if not margin > 0.0:

@@ -14,12 +14,14 @@ import numpy as np
 from cable_ros.branch import handover
 from cable_ros.branch.branch_record import Loss
 from cable_ros.branch.cold_start import (
+    MOST_ELEMENTS,
     Conditions,
     Found,
     better_mesh,
     equilibria,
     on_mesh,
     refine,
+    without_slivers,
 )
 from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, continue_branch
 from cable_ros.branch.property_change import Section, follow, with_section
@@ -226,7 +228,10 @@ class CableTracker(SearchedEquilibrium):
             found = Found.at(rod, self._q, self._F)
             if not rod.touches:
                 # a coarser mesh may do
-                other = on_mesh(found, better_mesh(rod, rod.relative_error(self._q, self._F), tolerance))
+                mesh = better_mesh(rod, rod.relative_error(self._q, self._F), tolerance)
+                if len(mesh.lengths) > MOST_ELEMENTS:
+                    mesh = without_slivers(rod.mesh)
+                other = on_mesh(found, mesh)
                 found = found if other is None or abs(other.twist - found.twist) > SAME_TWIST else other
             fine, estimate = refine(found, tolerance)
             if estimate <= tolerance:

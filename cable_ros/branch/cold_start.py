@@ -37,6 +37,8 @@ SEARCH_OPTIONS = Options(iterations=60, step_tolerance=1e-8, constraint_toleranc
 MOST_ELEMENTS = 2_000
 """Maximum number of elements of a mesh. Between clamps as far apart as the cable is long, tension has no
 bound, nor has the mesh that it asks for."""
+SLIVER = 1e-6
+"""Length, L, of an element that nothing asks for."""
 LIMIT = 1e9
 """Unlimited work: more than any search takes."""
 START_WORK = 60_000.0
@@ -171,6 +173,19 @@ def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
     count = max(2, int(np.ceil(density[-1])))
     edges = np.interp(np.linspace(0.0, density[-1], count + 1), density, np.append(rod.s0, 1.0))
     return Mesh(rod.mesh.element, np.diff(edges))
+
+
+def without_slivers(mesh: Mesh) -> Mesh:
+    """The mesh with elements shorter than SLIVER joined to the one before: a contact that is gone left them.
+
+    `better_mesh` would let its elements grow from theirs.
+    """
+    edges = np.concatenate([[0.0], np.cumsum(mesh.lengths)])
+    kept = [0.0]
+    for edge in edges[1:-1]:
+        if edge - kept[-1] > SLIVER and edges[-1] - edge > SLIVER:
+            kept.append(edge)
+    return Mesh(mesh.element, np.diff([*kept, edges[-1]]))
 
 
 def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_ros.branch.approach import FAR, Away
 from cable_ros.branch.cable_tracker import POSE_LEFT_OUT, CableTracker
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupled_tangent import Whole
@@ -36,6 +37,8 @@ STEEP = 1e-6
 MOST_STEPS, MOST_WORK = 60, 300_000
 """Maximum number of steps of one solve; with friction of obstacles also maximum work, iterations times
 unknowns, after which no further one begins: about 0.6 s."""
+APPROACHES = 3
+"""Maximum number of solves' steps in which obstacles come to a cable that hangs."""
 PATIENCE = 2
 """Number of poses in a row that it cannot be followed to, before an equilibrium is searched for again."""
 BEYOND = (1.0, 10.0, 100.0)
@@ -116,6 +119,42 @@ class CoupledPieces(Released):
                 return self._failed(Status.UNFINISHED, Status.UNFINISHED.sentence, begin)
         self._failures = 0
         return self._publish(kinematics, joints, mounts, snapped, begin, share)
+
+    def _search(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray
+    ) -> tuple[Status, str, int] | None:
+        problem = super()._search(kinematics, joints, mounts)
+        if problem is not None and self._approached(kinematics, joints, mounts):
+            return None
+        return problem
+
+    def _approached(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> bool:
+        """Lead it from where it hangs clear: obstacles come to it against its load; whether they arrive."""
+        force = next((end.mount.force for end in self.loose if end.free), None)
+        if force is None or self.run.supports:
+            return False
+        which = next(end.which for end in self.loose if end.free)
+        load = self.pieces[0].weight * self.run.length
+        load = load + quaternion.rotate(quaternion.from_ros(mounts[-which, which, 3:]), force)
+        size = float(np.linalg.norm(load))
+        if size == 0.0:
+            return False
+        away = Away(kinematics, FAR * self.run.length / size * load)
+        far, near = np.append(joints, 1.0), np.append(joints, 0.0)
+        if super()._search(away, far, mounts) is not None:
+            return False
+        for _ in range(APPROACHES):
+            if self._follow(away, near, 0)[1] is None:
+                break
+            if np.array_equal(self._joints, near):
+                assert self.state is not None
+                for piece in self.pieces:
+                    piece.has_come_to(joints)
+                self._accept(joints, self.state)
+                self._before = None
+                return True
+        self.state = None
+        return False
 
     def _forget(self, cause: str) -> None:
         """Forget the equilibrium; what is found next is another one, maybe, until `reset`."""

@@ -141,7 +141,7 @@ class CoupledTangent:
         if self._straight:
             return no_modes(count, points, np.nan)
         system = assemble(self.sides(held=True), np.zeros(len(self.friction)), self.loose)
-        K = system.tangent[np.ix_(self.free, self.free)]
+        K = system.hessian[np.ix_(self.free, self.free)]
         if np.isfinite(K).all():
             try:
                 return coupled_modes(pieces, self.ends, K, self.free, count, places, self.loose)

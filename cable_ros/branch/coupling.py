@@ -125,6 +125,8 @@ class Loose(NamedTuple):
     by_turn: np.ndarray
     """(6, 3) derivative of the load by rotations of the axes that it is given along, about these, at rest
     itself; zeros at an end that its mount takes along."""
+    lies: bool = False
+    """Whether its tangent is held in a face, see `System.hessian`."""
 
     def residual(self, wrench: np.ndarray) -> np.ndarray:
         """(6,) derivative of the energy by its unknowns; `wrench` (6,): of the piece on what holds it."""
@@ -149,6 +151,10 @@ class System(NamedTuple):
     """(N,) derivative of the energy by the unknowns, less a ring's friction."""
     tangent: np.ndarray
     """(N, N) its derivative."""
+    hessian: np.ndarray
+    """(N, N) the same of the energy twice along motions that stay on faces: an end that lies and turns about
+    the face's normal and about its own tangent would leave the face by half their product, against a moment.
+    """
     by_wrenches: np.ndarray
     """(N, 12 (n + 1)) derivative of the residual by the pieces' wrenches."""
     spread: np.ndarray
@@ -209,7 +215,12 @@ def assemble(sides: Sequence[Side], friction: np.ndarray, loose: Sequence[Loose]
         place = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))
         tangent[place, place] += held.turned(sides[-held.which].ends.wrenches[END if held.which else START])
     residual = residual_of([side.ends for side in sides], friction, loose)
-    return System(residual, tangent, by_wrenches, spread)
+    hessian = tangent.copy()
+    for k, held in enumerate(loose):
+        turn, spin = PER * n + LOOSE * k + 1, PER * n + LOOSE * k + 2
+        if held.lies:  # the change of the spin's equation by the turn has that, and not the other one
+            hessian[turn, spin] = tangent[spin, turn]
+    return System(residual, tangent, hessian, by_wrenches, spread)
 
 
 def judged(tangent: np.ndarray, free: np.ndarray, scale: np.ndarray) -> float:

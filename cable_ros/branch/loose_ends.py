@@ -196,7 +196,7 @@ class LooseEnd:
         bends = np.zeros((3, 3))
         if tip.face is not None:
             bends[:2, :2] = (tip.axes.T @ Surface.at(tip.face.row, tip.position).bends @ tip.axes)[:2, :2]
-        return Loose(self.which, motion, load, bends, by_turn)
+        return Loose(self.which, motion, load, bends, by_turn, tip.face is not None and tip.face.lies)
 
     def energy(self, tip: Tip, mount: np.ndarray) -> float:
         """Minus the work, J, of its given force up to where it is, from the mount or the world's origin."""

@@ -93,7 +93,11 @@ class LoosePiece(SharedPiece):
         if code != warm_step.ADVANCED:
             return False
         self._take(Found.at(rod, q, F, iterations), joints)
-        return not self._refine(rod)[1]
+        if self._refine(rod)[1]:
+            return False
+        assert self._rod is not None
+        self._margin = self._rod.stability_margin()
+        return True
 
     @property
     def _load(self) -> float:

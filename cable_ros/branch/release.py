@@ -60,7 +60,7 @@ def descend(problem: Release, state: Shared) -> Shared | None:
             free, tangent = problem.free(), problem.tangent(state)
             weight = np.sqrt(problem.scale[free] / problem.scale[0])
             system = assemble(tangent.sides(), np.zeros(len(state.arcs)), tangent.loose)
-            K = system.tangent[np.ix_(free, free)] / weight / weight[:, None]
+            K = system.hessian[np.ix_(free, free)] / weight / weight[:, None]
             if not np.isfinite(K).all():
                 return None  # a piece is as long as the distance of its ends
             values, vectors = np.linalg.eigh(0.5 * (K + K.T))
