@@ -51,6 +51,7 @@ HELD = 1e-6
 """Excess of friction at which a ring still sticks, as a fraction of it."""
 NOTHING = 1e-3
 """Wrench, EI / L^2 and EI / L, below which its changes are not relative: a loose end may bear none."""
+NO_WRENCHES = np.zeros(0)
 LEAST = 1e-9
 """Motion against friction, as a fraction of the length, that is rounding."""
 
@@ -314,15 +315,16 @@ class Balance:
 
     def _reach(self, step: np.ndarray) -> float:
         """Of a step (N,): largest rotation, rad, or shift over the shortest length."""
-        shortest = min(piece.length for piece in self.pieces)
-        return float(np.abs(step / np.where(self._lengths, shortest, 1.0)).max(initial=0.0))
+        return self._measured(step, np.empty((0, len(step))), NO_WRENCHES)
 
     def _size(self, step: np.ndarray, ends: Sequence[Ends]) -> float:
         """Of a step (N,): largest rotation, rad, shift over the shortest length, or part of a wrench."""
+        spread = np.empty((0, len(step))) if self._spread is None else self._spread
+        return self._measured(step, spread, np.concatenate([one.wrenches for one in ends]))
+
+    def _measured(self, step: np.ndarray, spread: np.ndarray, wrenches: np.ndarray) -> float:
+        """See `coupling.step_size`."""
         shortest = min(piece.length for piece in self.pieces)
-        wrenches = np.concatenate([one.wrenches for one in ends])
-        spread = self._spread
-        spread = np.empty((0, len(step))) if spread is None else spread
         return step_size(step, self._lengths, shortest, spread, wrenches, self._nothing)
 
     def tangent(self, mounts: np.ndarray, state: Shared) -> CoupledTangent:

@@ -130,12 +130,10 @@ class CoupledPieces(Released):
 
     def _approached(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> bool:
         """Lead it from where it hangs clear: obstacles come to it against its load; whether they arrive."""
-        force = next((end.mount.force for end in self.loose if end.free), None)
-        if force is None or self.run.supports:
+        end = next((end for end in self.loose if end.free), None)
+        if end is None or self.run.supports:
             return False
-        which = next(end.which for end in self.loose if end.free)
-        load = self.pieces[0].weight * self.run.length
-        load = load + quaternion.rotate(quaternion.from_ros(mounts[-which, which, 3:]), force)
+        load = self.pieces[0].weight * self.run.length + end.pull(mounts[-end.which, end.which])
         size = float(np.linalg.norm(load))
         if size == 0.0:
             return False

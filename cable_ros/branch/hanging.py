@@ -24,7 +24,7 @@ REACHES = (0.95, 0.75, 0.5)
 """Distances of a free end from the other end, as fractions of the length, where nothing else is known."""
 STEEP = 0.1
 """Minimum sine of the angle to the normal at which a cable that comes down goes on in its own direction."""
-STRAIGHT = 1e-6
+LEAST_SLACK = 1e-6
 """Least slack, as a fraction of the length, of a cable that a piece between two clamps can stand for."""
 Z_AXIS = np.array([0.0, 0.0, 1.0])
 ASIDE = np.array([-1.0, 3.0, 2.0])
@@ -60,7 +60,7 @@ def plausible(
         clear = rows is None or min(nearest(rows, point)[0] for point in points[1:]) > 0.0
         if clear:
             yield Begin(poses[[0, -1]], found)
-        if float(np.linalg.norm(points[-1] - points[0])) > (1.0 - STRAIGHT) * run.length:
+        if float(np.linalg.norm(points[-1] - points[0])) > (1.0 - LEAST_SLACK) * run.length:
             continue  # its tension would have no bound
         if free is None or rows is None or nearest(rows, points[-free])[0] >= 0.0:
             yield Begin(poses[[0, -1]])

@@ -198,11 +198,13 @@ class LooseEnd:
             bends[:2, :2] = (tip.axes.T @ Surface.at(tip.face.row, tip.position).bends @ tip.axes)[:2, :2]
         return Loose(self.which, motion, load, bends, by_turn, tip.face is not None and tip.face.lies)
 
+    def pull(self, mount: np.ndarray) -> np.ndarray:
+        """(3,) its given force, N, world; `mount` (7,)."""
+        return quaternion.rotate(quaternion.from_ros(mount[3:]), self.mount.force)
+
     def energy(self, tip: Tip, mount: np.ndarray) -> float:
         """Minus the work, J, of its given force up to where it is, from the mount or the world's origin."""
-        force = self.mount.force
-        if self.free:
-            force = quaternion.rotate(quaternion.from_ros(mount[3:]), force)
+        force = self.pull(mount) if self.free else self.mount.force
         return -float(force @ tip.position)
 
     def wrench(self, tip: Tip, inner: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ SYMMETRIC = 1e-9
 EVEN = 5e-4
 """Maximum twist asked for, rad, to which an equilibrium and its mirror image are equally near: a path's
 rounding."""
-GRID = np.linspace(0.0, 1.0, 33)
+GRID = np.linspace(0.0, 1.0, 65)
 """Where shapes are compared."""
 SAME_SHAPE = 1e-6
 """Maximum difference of the frames of a shape that is its own mirror image."""
@@ -90,10 +90,11 @@ def by_rule(found: Found, shape: np.ndarray) -> tuple[Found, bool]:
     if image is None:
         return found, False
     image.rod.work, image.rod.patience, image.rod.short = rod.work, rod.patience, rod.short
-    return found if _side(image) < _side(found) else image, True
+    return found if side_of(image) < side_of(found) else image, True
 
 
-def _side(one: Found) -> float:
+def side_of(one: Found) -> float:
+    """How far an equilibrium leads to SIDE, see `initial_shapes.side`."""
     return side(one.rod.mesh.interpolate(one.q, GRID), GRID)
 
 

@@ -14,9 +14,9 @@ from cable_ros.branch.hanging import ASIDE, plausible
 from cable_ros.branch.landing import BESIDE
 from cable_ros.branch.loose_ends import Surface, Tip
 from cable_ros.branch.release import Release, descend
+from cable_ros.branch.shared_piece import Place
 from cable_ros.contact.distance import nearest
 from cable_ros.equilibrium import Status
-from cable_ros.rod import quaternion
 from cable_ros.scene import Kinematics
 
 SLIDE, MOST_SLIDES = 0.05, 200
@@ -82,7 +82,7 @@ class Released(Balance):
             guess = guess._replace(tips=tips)
             places = guess.places(mounts, length)
             if hanging is not None:
-                if self._adopt(kinematics, joints, mounts, guess, hanging):
+                if self._adopt(kinematics, joints, mounts, guess, places[0], hanging):
                     return None
                 continue
             for i, (piece, place) in enumerate(zip(self.pieces, places, strict=True)):
@@ -113,10 +113,13 @@ class Released(Balance):
             yield tuple(end.tip(begin.poses[end.which], mount) for end, mount in pairs), begin.found
 
     def _adopt(
-        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, guess: Shared, hanging: Found
-    ) -> bool:
-        """Take an equilibrium of the only piece that hangs clear of all obstacles; whether it is one."""
-        (place,) = guess.places(mounts, self.run.length)
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, guess: Shared, place: Place,
+        hanging: Found,
+    ) -> bool:  # fmt: skip
+        """Take an equilibrium of the only piece, at `place`, that hangs clear of all obstacles.
+
+        Whether it is one here.
+        """
         if not self._loose_piece(0).adopt(kinematics, joints, place, hanging):
             return False
         self._joints, self.state = joints, guess
@@ -157,7 +160,7 @@ class Released(Balance):
         """
         assert self.state is not None
         faces, self._faces, self._inverse = self._faces, [None] * len(self.loose), None
-        force = quaternion.rotate(quaternion.from_ros(mounts[-1, 1, 3:]), self.loose[-1].mount.force)
+        force = self.loose[-1].pull(mounts[-1, 1])
         self._loose_piece(-1).begin_with(force, self.state.places(mounts, self.run.length)[-1])
         found = self._newton(kinematics, joints, mounts, self._faced(kinematics, joints, self.state))
         if found is not None and not any(self._faces) and self._stable(joints, mounts, found):
@@ -198,7 +201,7 @@ class Released(Balance):
         assert self.state is not None
         state, kept = self._leant(kinematics, joints, mounts, self.state), self._kept
         self._inverse = self._judged_at = self._before = None
-        if self._kept and self._move(kinematics, joints, mounts, state, True, True) is None:
+        if self._kept and self._move(kinematics, joints, mounts, state, fall=True, held=True) is None:
             return None
 
         def energy() -> float:
@@ -208,7 +211,7 @@ class Released(Balance):
             nonlocal state
             self._keep()
             faces, to = self._faces, self._caught(kinematics, joints, to, BESIDE)
-            if self._move(kinematics, joints, mounts, to, fall, True) is None:
+            if self._move(kinematics, joints, mounts, to, fall, held=True) is None:
                 self._return()
                 self._faces = faces
                 return None

@@ -7,17 +7,14 @@ import numpy as np
 
 from cable_ros.branch import handover
 from cable_ros.branch.cold_start import Found, Sought, Starts, refine
-from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry
+from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry, side_of
 from cable_ros.branch.paying_out import PayingOut
 from cable_ros.equilibrium import Status
-from cable_ros.rod.initial_shapes import side
 
 EQUAL = 1e-11
 """Maximum relative difference of two equal energies: rounding. Even a tiny weight makes more, and decides."""
 TWINS = 1e-6
 """Maximum relative difference of energy of equilibria that a message calls equal in energy."""
-GRID = np.linspace(0.0, 1.0, 65)
-"""Arc lengths at which shapes are compared."""
 
 
 class Search:
@@ -136,5 +133,5 @@ def _in_turn(found: list[Found], target_twist: float | None, symmetric: bool = F
         return _equal(one, found[0], TWINS if symmetric else EQUAL) and apart <= 1e-3
 
     first = [one for one in found if alike(one)]
-    first.sort(key=lambda one: -side(one.rod.mesh.interpolate(one.q, GRID), GRID))
+    first.sort(key=lambda one: -side_of(one))
     return first + [one for one in found if not alike(one)]

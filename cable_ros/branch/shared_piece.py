@@ -29,7 +29,7 @@ from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.held_rod import HeldRod
-from cable_ros.rod.kirchhoff import NOTHING, Rod
+from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.units import Units, relative
 from cable_ros.rod.without_contact import SAME
@@ -41,11 +41,7 @@ STALLED = 10.0
 """Algebraic tolerance of a piece in which rounding is larger, over the usual one."""
 REMEDY = "It stays so until reset is called (of the node: ~/reset), which takes that of a cold start."
 """When a branch is known again that pieces share: motion alone does not tell."""
-ROUGHLY = 1e-2
-"""Tolerance of an equilibrium without obstacles, beside which one is searched for."""
 WORLD = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-YIELD = 0.1
-"""How far an end that yields does so, L, at the cable's load or at EI / L^2."""
 STRAIGHT = 1e-9
 """Slack, L, below which a piece that is held at both ends is straight: nothing leads on from there."""
 LENGTHENED = 1e-3
@@ -108,8 +104,6 @@ class SharedPiece(CableTracker):
     _turned = np.nan
     """Rotation, rad, after which its factors were renewed since the last result; inf: not known. NaN: they
     were not."""
-    astray = NOTHING
-    """(3,) m, world, from where its end was tried last to where it is."""
     worked = 0.0
     """Iterations times unknowns since this was set to 0."""
     _spent = 0
