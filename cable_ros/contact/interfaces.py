@@ -12,7 +12,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import gap
-from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT, SAMPLE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT, SAMPLE, SWINGS
 from cable_ros.contact.stretched import trace
 from cable_ros.rod.centreline import direction, elongation, position
 from cable_ros.rod.centreline import shape as shape_functions
@@ -29,6 +29,8 @@ LEVEL = 1e-9
 """Maximum slope of a cable that lies along a surface, rad: rounding."""
 SHORTEST = 1e-3
 """Least distance to a boundary that another contact point owns, L."""
+TO_AND_FRO = 2.0
+"""Number of times that a point beside a clamp swings before it is no longer sent to its gap's minimum."""
 
 
 @njit(**LEAF)
@@ -291,7 +293,9 @@ def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
             if kink > curvature and not level:
                 # beside an edge the gap is curved as the face is, and at its minimum as the edge
                 _, _, curvature = gap_at(shape, minimum, ob, at)
-            if kink <= curvature:
+            # beside a clamp this and Newton's method may send it to and fro: then that alone places it
+            swings = points[i, SWINGS] >= TO_AND_FRO and min(s, 1.0 - s) < spacing
+            if kink <= curvature and not swings:
                 points[i, ARC_LENGTH] = minimum
         for _ in range(2):
             if points[i, INTERFACE] < 0.0 and not own_interface(points, count, i, h, s0):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import INNER, njit
-from cable_ros.contact.patches import SAMPLES, cover, grounded, sample_place
+from cable_ros.contact.patches import SAMPLES, WEIGHTS, cover, grounded, sample_place
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -46,6 +46,9 @@ SLIGHT = 1e-4
 """The least of such a motion, in spacings."""
 MEETS = 0.1
 """Distance, in spacings, at which two patches meet."""
+RIPPLE = 0.5
+"""Least length, in spacings, along which samples between others that press must pull for the cable to lift
+off there: beside a much longer element the pressure of a short one ripples."""
 FAINT = 1e-3
 """Force, EI / L^2, below which its lever is taken for that of this force."""
 
@@ -233,7 +236,7 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
             points[i, ARC_LENGTH] += (-0.5 if kind == FIRST else 0.5) * min(spacing, abs(s - edge))
             changed = True
         i += 1
-    lifted, count = lift_off(points, count, h, s0, obstacles.shape[0])
+    lifted, count = lift_off(points, count, h, s0, spacing, obstacles.shape[0])
     return changed or lifted, count
 
 
@@ -253,12 +256,12 @@ def clear(points, count, o, low, high):
 
 
 @njit(**INNER)
-def lift_off(points, count, h, s0, obstacles):
+def lift_off(points, count, h, s0, spacing, obstacles):
     """Remove the samples that pull; a patch ends where several do.
 
     Args:
         points, count: as in `move_ends`.
-        h, s0: (m,) of `Grid`.
+        h, s0, spacing: (m,) of `Grid`, and of the samples, L.
         obstacles: their number.
 
     Returns:
@@ -287,12 +290,13 @@ def lift_off(points, count, h, s0, obstacles):
             if not covered[o, g] or presses[g]:
                 g += 1
                 continue
-            first, any_pulls = g, False
+            first, any_pulls, length = g, False, 0.0
             while g < size and covered[o, g] and not presses[g]:
                 any_pulls = any_pulls or pulls[g]
+                length += h[g // SAMPLES] * WEIGHTS[g % SAMPLES]
                 g += 1
             at_clamp = first == 0 or g == size
-            if not any_pulls or (g == first + 1 and not at_clamp):
+            if not any_pulls or ((g == first + 1 or length < RIPPLE * spacing) and not at_clamp):
                 continue
             low = sample_place(first - 1, h, s0) if first > 0 and presses[first - 1] else -1.0
             high = sample_place(g, h, s0) if g < size and presses[g] else -1.0
