@@ -138,6 +138,16 @@ def test_a_contact_that_lets_go_is_a_fold_in_any_number_of_steps() -> None:
         assert at == pytest.approx(0.65, abs=0.5 / count + 0.05)
 
 
+def test_the_only_contact_that_lets_go_is_a_fold_in_any_number_of_steps() -> None:
+    """A loop over an edge, turned by 30 degrees: there the one contact presses with 1e-3 of the end force."""
+    case, counts = drawn_case(115, 131, 1e-4), (1, 3, 8)
+    where, found = snapped_once(case, 3, counts)
+    for at, count, (before, after) in zip(where, counts, found, strict=True):
+        assert 0.15 <= at <= 0.2 + 1.0 / count  # the first pose beyond
+        assert before.stability_margin > 0.1
+        assert before.end_wrench[3] > 0.0 > after.end_wrench[3]  # it fell to the other side
+
+
 def test_an_edge_that_does_not_hold_the_cable_is_a_fold_in_any_number_of_steps() -> None:
     """A loop rides on a smooth beam, 80 mm wide, until that has moved by 40 of 100 mm: it falls off aside."""
     counts = 1, 4, 16

@@ -69,6 +69,13 @@ DRAWN = {
     (114, 31): "a hose, told in 4 times as many poses: 1.1 %",
     (114, 49): "over two rough beams: no start arrives",
     (114, 50): "an edge on a grid: 1.1e-4 of the length inside",
+    (115, 31): "a rough lift in seven poses: the branch is lost",
+    (115, 58): "in a rough corner: the end wrench is 4.2e-4 off",
+    (115, 116): "a hose turned: it slides 3.0e-4 of its length the way its friction pushes",
+    (115, 122): "over a rough edge, fallen on a grid: 7.3e-4 of the length inside",
+    (115, 140): "a lift without friction, lying flat: its pressure all but ends beside a clamp",
+    (115, 249): "a rough drum pushed up: the branch is lost",
+    (115, 297): "a rough ball pushed up, down and up: the branch is lost",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 

@@ -45,7 +45,7 @@ from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.without_contact import SAME
 
 GOES = 1e-3
-"""Maximum force of a contact that is about to end, as a fraction of the largest one."""
+"""Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
 KEPT = 1e-3
 """Maximum relative change of the total friction as contacts change on a new mesh."""
 FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
@@ -196,7 +196,8 @@ class ActiveSetRod(FixedSetRod):
             self.restore(kept)
             self.obstacles = there
         least = int(np.argmin(forces))
-        if self.points[least, KIND] == POINT and forces[least] <= GOES * forces.max():
+        most = max(float(forces.max()), float(np.linalg.norm(F)))
+        if self.points[least, KIND] == POINT and forces[least] <= GOES * most:
             self.points[least : self.count - 1] = self.points[least + 1 : self.count].copy()
             self.count -= 1
             held = held and self.refactor(q, F)
