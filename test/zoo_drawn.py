@@ -207,6 +207,7 @@ FOUND = {
     (115, 131): "a loop slides up over an edge, whose contact lets go and alone held it",
     (115, 260): "a lift without friction, laid down: its contact runs into the clamp",
     (115, 283): "a lift without friction, laid down: its pressure ripples beside the clamp",
+    (116, 277): "a heavy cable over two smooth beams, cold: found as a light one that is loaded",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

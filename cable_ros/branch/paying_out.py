@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cold start by continuation in the cable's length: short at first, then paid out between its clamps.
+"""Cold starts by continuation: in the cable's length, short at first and paid out, or in its weight.
 
 A cable hardly longer than the shortest path between its clamps touches little, and a search finds it. As it
 is paid out it comes to lie on the obstacles like a real one. It never passes through a thin wall, as a
@@ -8,6 +8,8 @@ descent from a shape partly inside the wall may.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +26,8 @@ from cable_ros.rod.kirchhoff import Rod
 
 SLACK = (1.05, 1.15)
 """Lengths of the short cable, tried in turn, over that of the shortest path past the obstacles."""
+LIGHT = (0.5,)
+"""Weights of the light cable, tried in turn, as fractions of the whole."""
 LENGTHS = (slice(CENTRE, AXES), slice(DIMENSIONS, FRICTION_COEFFICIENT))
 """Columns of an obstacle whose unit is a length."""
 LOOSE = 1e-2
@@ -34,39 +38,38 @@ STEP = 0.1
 """First and longest step, as a fraction of the path."""
 
 
-class PayingOut:
-    """Equilibria of one pose by paying out short cables, one after the other.
-
-    Lengths are in units of the cable's present length, so that clamps and obstacles seem to come nearer.
-    Load per length and natural curvature are those of the whole cable: only the end of the path counts.
+class Led(ABC):
+    """Equilibria of one pose by continuation from easier ones, one after the other.
 
     Args:
         sought: the pose; without obstacles there is nothing to try.
+        begins: what each begins from, tried in turn.
     """
 
-    def __init__(self, sought: Sought) -> None:
+    def __init__(self, sought: Sought, begins: Sequence[float]) -> None:
         self._sought = sought
-        self._left = list(SLACK) if sought.conditions.obstacles is not None else []
+        self._left = list(begins) if sought.conditions.obstacles is not None else []
         self._led: tuple[Rod, np.ndarray, np.ndarray, float] | None = None
-        """A rod that is being paid out: its shape, end force, and length as a fraction of the whole."""
+        """A rod on its way: its shape, end force, and how far it is, a fraction that ends at 1."""
 
     @property
     def over(self) -> bool:
-        """Whether all lengths have been tried."""
+        """Whether all have been tried."""
         return self._led is None and not self._left
 
     def settle(self) -> tuple[Found | None, float]:
-        """Search for the next short cable, or pay the present one out by a piece.
+        """Search for the next to begin from, or lead the present one on by a piece.
 
-        Returns the equilibrium of the whole cable, or None, and the work.
+        Returns the equilibrium of the pose, or None, and the work.
         """
         if self._led is None:
-            return None, self._begin(self._left.pop(0))
-        rod, q, F, length = self._led
+            part = self._begin(self._left.pop(0))
+            return None, 0.0 if part is None else self._search(part)
+        rod, q, F, part = self._led
         self._led = None
 
         def path(t: float) -> Conditions:
-            there = _shortened(self._sought.conditions, length + t * (1.0 - length))
+            there = self._at(part + t * (1.0 - part))
             return there if rod.qe @ there.qe > 0.0 else replace(there, qe=-there.qe)
 
         fallback = handover.nodal if rod.replaceable else None
@@ -77,25 +80,25 @@ class PayingOut:
             found, more = self._whole(led.rod, led.q, led.F)
             return found, work + more
         if led.end is End.UNFINISHED and (led.at > 0.0 or led.rod is not rod):
-            self._led = led.rod, led.q, led.F, length + led.at * (1.0 - length)
+            self._led = led.rod, led.q, led.F, part + led.at * (1.0 - part)
         return None, work
 
-    def _begin(self, slack: float) -> float:
-        """Search for a short cable; returns the work."""
-        whole = self._sought.conditions
-        assert whole.obstacles is not None
-        strings = taut_strings(whole.re, whole.obstacles, 1.0)
-        if not strings:
-            self._left.clear()
-            return 0.0
-        shortest = float(np.linalg.norm(np.diff(strings[0], axis=0), axis=1).sum())
-        length = min(1.0, slack * shortest)
-        search = Starts(replace(self._sought, conditions=_shortened(whole, length), tolerance=LOOSE), False)
+    @abstractmethod
+    def _begin(self, amount: float) -> float | None:
+        """The fraction at which the way from this amount begins; None if there is none."""
+
+    @abstractmethod
+    def _at(self, part: float) -> Conditions:
+        """The pose at a fraction of the way."""
+
+    def _search(self, part: float) -> float:
+        """Search for the equilibrium to begin from; returns the work."""
+        search = Starts(replace(self._sought, conditions=self._at(part), tolerance=LOOSE), False)
         work = 0.0
         while not search.over:
             work += search.descend()
         best = min(search.found, key=lambda one: one.energy, default=None)
-        self._led = None if best is None else (best.rod, best.q, best.F, length)
+        self._led = None if best is None else (best.rod, best.q, best.F, part)
         return work
 
     def _whole(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Found | None, float]:
@@ -110,6 +113,44 @@ class PayingOut:
             found if estimate <= self._sought.tolerance else None,
             found.iterations * found.rod.iteration_work,
         )
+
+
+class PayingOut(Led):
+    """A short cable is paid out.
+
+    Lengths are in units of the cable's present length, so that clamps and obstacles seem to come nearer.
+    Load per length and natural curvature are those of the whole cable: only the end of the path counts.
+    """
+
+    def __init__(self, sought: Sought) -> None:
+        super().__init__(sought, SLACK)
+
+    def _begin(self, amount: float) -> float | None:
+        whole = self._sought.conditions
+        assert whole.obstacles is not None
+        strings = taut_strings(whole.re, whole.obstacles, 1.0)
+        if not strings:
+            self._left.clear()
+            return None
+        shortest = float(np.linalg.norm(np.diff(strings[0], axis=0), axis=1).sum())
+        return min(1.0, amount * shortest)
+
+    def _at(self, part: float) -> Conditions:
+        return _shortened(self._sought.conditions, part)
+
+
+class Loading(Led):
+    """A light cable is loaded until it has its weight: heavy ones are seldom found at once."""
+
+    def __init__(self, sought: Sought) -> None:
+        super().__init__(sought, LIGHT)
+
+    def _begin(self, amount: float) -> float | None:
+        return amount
+
+    def _at(self, part: float) -> Conditions:
+        whole = self._sought.conditions
+        return replace(whole, f=part * whole.f)
 
 
 def _shortened(whole: Conditions, length: float) -> Conditions:

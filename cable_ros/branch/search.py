@@ -8,7 +8,7 @@ import numpy as np
 from cable_ros.branch import handover
 from cable_ros.branch.cold_start import Found, Sought, Starts, refine
 from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry, side_of
-from cable_ros.branch.paying_out import PayingOut
+from cable_ros.branch.paying_out import Led, Loading, PayingOut
 from cable_ros.equilibrium import Status
 
 EQUAL = 1e-11
@@ -21,8 +21,8 @@ class Search:
     """Looks for the equilibrium of one pose that is nearest the twist asked for, or of least energy.
 
     In turn: energy descents from initial shapes (`Starts`); the equilibria found, on finer meshes (`refine`),
-    until one meets the tolerance; and if none does, continuation in the cable's length (`PayingOut`) and
-    relaxation on a grid of contacts (`handover.Rest`).
+    until one meets the tolerance; and if none does, continuation in the cable's length (`PayingOut`)
+    and weight (`Loading`) and relaxation on a grid of contacts (`handover.Rest`).
 
     Args:
         sought: the pose and what is asked for there.
@@ -31,9 +31,9 @@ class Search:
     def __init__(self, sought: Sought) -> None:
         self.sought = sought
         self._starts = Starts(sought, thorough=False)
-        self._last: list[PayingOut | handover.Rest]
+        self._last: list[Led | handover.Rest]
         clamped = sought.compliance is None and sought.ends is None
-        self._last = [PayingOut(sought), handover.Rest(sought)] if clamped else []
+        self._last = [PayingOut(sought), Loading(sought), handover.Rest(sought)] if clamped else []
         self._coarse: list[Found] | None = None
         self._refined = 0
         self._best: Found | None = None
