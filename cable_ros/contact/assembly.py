@@ -20,7 +20,7 @@ from cable_ros.contact.friction_kernels import (
     stick_stiffness,
     update_friction,
 )
-from cable_ros.contact.interfaces import gap_here, locate
+from cable_ros.contact.interfaces import gap_at, gap_here, locate
 from cable_ros.contact.moving_obstacles import carry, obstacle_motion
 from cable_ros.contact.point_couples import has_arm, hold_points
 from cable_ros.contact.points import (
@@ -33,6 +33,7 @@ from cable_ros.contact.points import (
     MOTION,
     OBSTACLE,
     POINT,
+    SHIFT,
     WAS,
 )
 from cable_ros.contact.stretched import internal_forces, trace
@@ -46,6 +47,9 @@ from cable_ros.rod.centreline import (
 from cable_ros.rod.energy_kernels import gradient, hessian
 from cable_ros.rod.extensible_kernels import stretch_gradient, stretch_hessian
 from cable_ros.rod.rod_state import Stretch
+
+BESIDE = 1e-12
+"""Distance, L, to the other side of a boundary between elements."""
 
 
 @njit(**INNER)
@@ -164,7 +168,7 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
         held: whether friction and its tangents stay as they are.
     """
     points, gaps, normals = contacts
-    at = surface()
+    at, other = surface(), surface()
     before, turned, old = np.empty(3), np.empty(3), np.empty(3)
     flips = 0
     for i in range(count):
@@ -178,6 +182,9 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
             for a in range(3):
                 at.r[a] += motion[a]
         gaps[i], terms.tilts[i], curvature = gap_here(obstacle, at)
+        if points[i, KIND] == POINT and np.signbit(points[i, SHIFT]):
+            # on the mesh the curvature may jump at the point: that on the side to which the point goes counts
+            _, _, curvature = gap_at(shape, s - BESIDE, obstacle, other)
         terms.curvature[i] = max(curvature, 1e-9) if points[i, KIND] == POINT else 0.0
         for a in range(3):
             normals[i, a], terms.t[i, a] = at.n[a], at.t[a]

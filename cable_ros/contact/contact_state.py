@@ -32,6 +32,8 @@ class Surface(NamedTuple):
 
     r: np.ndarray
     """(3,) position on the centreline, L."""
+    dr: np.ndarray
+    """(3,) its derivative by the arc length: between Gauss points it is not quite the tangent."""
     t: np.ndarray
     """(3,) tangent."""
     dt: np.ndarray
@@ -181,7 +183,9 @@ class PointTerms(NamedTuple):
 @njit(**INNER)
 def surface() -> Surface:
     """A new `Surface`."""
-    return Surface(np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3)), np.empty(2))
+    return Surface(
+        np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3)), np.empty(2)
+    )
 
 
 @njit(inline="always", **LEAF)

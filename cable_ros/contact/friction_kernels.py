@@ -12,7 +12,17 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
-from cable_ros.contact.points import BEFORE, FORCE, FRICTION, OBSTACLE, SLIPS
+from cable_ros.contact.points import (
+    BEFORE,
+    FORCE,
+    FRICTION,
+    KIND,
+    OBSTACLE,
+    POINT,
+    SLIPS,
+    STICK_ROW,
+    WAS,
+)
 
 DIRECTION, ACROSS, STIFFNESS, TANGENT = 0, 3, 6, 7
 """Slots of a tangent of friction: direction of the slip force (3), direction across it (3), stiffness across;
@@ -21,6 +31,8 @@ ROUNDING = 1e-10
 """Fraction of the cone by which friction must leave its edge to change from stick to slip or back."""
 FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
 """Models: none; with a history; as (53) of Liu et al. (2018), against the motion of the end."""
+AT_REST = 1e-6
+"""Motion over the obstacle, L, whose direction may be rounding."""
 STICK = 1e8
 """Stiffness of stick, EI / L^3: what sticks moves by 1e-8 L per unit of force."""
 
@@ -70,10 +82,17 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
             points[i, FRICTION + a] = cone * limit[DIRECTION + a]
         return False
     if cone == 0.0:
-        # about to lift off: it slips without a force, in a direction that shows when it presses again
-        points[i, SLIPS] = 1.0
+        # about to lift off: it slips without a force, in a direction that shows when it presses again; a new
+        # point is taken to stick if that direction is rounding, or its own slip has lifted it
+        slid, off, moved = False, 0.0, 0.0
         for a in range(3):
+            slid = slid or (points[i, SLIPS] == 1.0 and points[i, FRICTION + a] != 0.0)
             points[i, FRICTION + a] = 0.0
+            off += step[a] * n[a]
+        for a in range(3):
+            moved += (step[a] - off * n[a]) ** 2
+        new = points[i, KIND] == POINT and points[i, WAS] == 0.0
+        points[i, SLIPS] = 0.0 if new and (slid or moved < AT_REST**2) else 1.0
         return False
     stiffness = stick_stiffness(cone, history.presliding)
     force, trial = np.empty(3), np.empty(3)
@@ -106,7 +125,8 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
         limit[STIFFNESS] = stiffness
         for a in range(3):
             points[i, FRICTION + a] = force[a]
-        return slips
+        # what has begun to press has no rows yet that hold it
+        return slips or points[i, STICK_ROW] == 0.0
     for a in range(3):
         limit[DIRECTION + a] = trial[a] / size
         points[i, FRICTION + a] = cone * limit[DIRECTION + a]

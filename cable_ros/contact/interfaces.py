@@ -14,14 +14,14 @@ from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import gap
 from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT, SAMPLE, SWINGS
 from cable_ros.contact.stretched import trace
-from cable_ros.rod.centreline import direction, elongation, position
+from cable_ros.rod.centreline import derivative, direction, elongation, position
 from cable_ros.rod.centreline import shape as shape_functions
 
 SHARPER = 1.5
 """Curvature of a surface over that beside it from which it is an edge."""
 NARROWEST = 0.12
-"""Least distance of a boundary to its neighbours, fraction of the distance between them; of one at a point,
-half of how near they are, if that is less."""
+"""Least distance of a boundary to its neighbours, fraction of the distance between them; or half of how near
+they are, if that is less."""
 STRETCHED, LONG = 1.75, 0.25
 """Maximum length of an element beside a boundary that moves to a point: over the longer of the two before,
 and L. The nearest boundary leaves less; a farther one may leave an element too long for its curvature."""
@@ -35,7 +35,7 @@ TO_AND_FRO = 2.0
 
 @njit(**LEAF)
 def gap_at(shape, s, obstacle, at):
-    """Gap g at arc length s, and g' = n.t, g'' = n.t' + sum_i bends_i (d_i.t)^2.
+    """Gap g at arc length s, and g' = n.t, g'' = n.t' + sum_i bends_i (d_i.t) (d_i.r').
 
     Here n is the obstacle's normal, d_i and bends_i are its principal directions and curvatures there. The
     derivatives are those by the stretched arc length.
@@ -55,10 +55,12 @@ def locate(shape, s, at):
     """Position, tangent and its derivative at arc length s; `shape`, `s`, `at`: as in `gap_at`."""
     q, c, (h, s0, tables) = shape
     position(c, h, s0, s, at.r)
+    derivative(c, h, s0, s, at.dr)
     direction(q, h, s0, tables.nodes, s, at.t, at.dt)
     if c.shape[2] > 3:
         long = elongation(c, h, s0, s)
         for a in range(3):
+            at.dr[a] /= long
             at.dt[a] /= long
 
 
@@ -71,9 +73,11 @@ def gap_here(obstacle, at):
         slope += at.n[a] * at.t[a]
         curvature += at.n[a] * at.dt[a]
     for i in range(2):
-        d = at.directions
-        along = d[i, 0] * at.t[0] + d[i, 1] * at.t[1] + d[i, 2] * at.t[2]
-        curvature += at.bends[i] * along * along
+        d, along, moves = at.directions, 0.0, 0.0
+        for a in range(3):
+            along += d[i, a] * at.t[a]
+            moves += d[i, a] * at.dr[a]
+        curvature += at.bends[i] * along * moves
     return value, slope, curvature
 
 
@@ -126,18 +130,16 @@ def at_edge(shape, low, high, obstacle):
 
 
 @njit(**LEAF)
-def room(points, count, one, boundary, h):
+def room(points, count, boundary, h):
     """Distances, L, to which a boundary may approach the one before it and the one after it.
 
     Args:
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
-        one: number of the point that it goes to.
         boundary: its number.
         h: of `Grid`.
     """
-    narrow = NARROWEST * (h[boundary - 1] + h[boundary])
-    if points[one, KIND] == POINT:
-        narrow = min(narrow, max(0.5 * min(h[boundary - 1], h[boundary]), SHORTEST))
+    near = max(0.5 * min(h[boundary - 1], h[boundary]), SHORTEST)
+    narrow = min(NARROWEST * (h[boundary - 1] + h[boundary]), near)
     before, after = narrow, narrow
     for i in range(count):
         if points[i, INTERFACE] == boundary - 1 and boundary > 1:
@@ -208,7 +210,7 @@ def own_interface(points, count, i, h, s0):
     for b in range(1, h.shape[0]):
         low, high = s0[b - 1], s0[b] + h[b]
         away = abs(s - s0[b])
-        before, after = room(points, count, i, b, h)
+        before, after = room(points, count, b, h)
         longest = max(STRETCHED * max(h[b - 1], h[b]), LONG)
         there = away < 1e-9 or (
             max(low + 1.5 * before, high - longest) < s < min(high - 1.5 * after, low + longest)
@@ -248,7 +250,11 @@ def make_way(q, grid, points, count, i):
             best = b
     if best < 0:
         return False
-    before, after = room(points, count, i, best, h)
+    step = 1 if s > s0[best] else -1
+    between = best + step
+    if taken[between] and 0 < between < h.shape[0] and (s - s0[between]) * step > 0.0:
+        return hand_on(q, grid, points, count, i, between, best)
+    before, after = room(points, count, best, h)
     if not taken[best - 1] and s - s0[best - 1] < before:
         move_interface(q, grid, best - 1, 0.5 * (s0[best - 2] + s), before, after)
     if not taken[best + 1] and s0[best + 1] - s < after:
@@ -257,6 +263,32 @@ def make_way(q, grid, points, count, i):
         return False
     points[i, INTERFACE] = best
     return True
+
+
+@njit(**INNER)
+def hand_on(q, grid, points, count, i, between, free):
+    """Move the boundary of the point next to contact point i on to i, and a free one behind it to that point.
+
+    So the two ends of a new patch get a boundary each where one stood at the point that it was.
+
+    Args:
+        q, grid: as in `move_interface`.
+        points, count, i: as in `own_interface`.
+        between, free: numbers of the two boundaries.
+
+    Returns:
+        Whether both points have theirs.
+    """
+    for k in range(count):
+        if points[k, INTERFACE] == between:
+            points[k, INTERFACE], points[i, INTERFACE] = free, between
+            before, after = room(points, count, between, grid.h)
+            moved = move_interface(q, grid, between, points[i, ARC_LENGTH], before, after)
+            before, after = room(points, count, free, grid.h)
+            if moved and move_interface(q, grid, free, points[k, ARC_LENGTH], before, after):
+                return True
+            points[k, INTERFACE] = points[i, INTERFACE] = -1.0
+    return False
 
 
 @njit(**INNER)
@@ -290,9 +322,11 @@ def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
             minimum = s if level else lowest(shape, s, spacing, ob)
             # the kink that its force makes moves with the point: the shape does not show it at the minimum
             kink = 0.25 * points[i, FORCE] * abs(minimum - s)
+            sharpest = SHARPER * max(at.bends[0], at.bends[1])
             if kink > curvature and not level:
                 # beside an edge the gap is curved as the face is, and at its minimum as the edge
-                _, _, curvature = gap_at(shape, minimum, ob, at)
+                _, _, there = gap_at(shape, minimum, ob, at)
+                curvature = there if max(at.bends[0], at.bends[1]) > sharpest else curvature
             # beside a clamp this and Newton's method may send it to and fro: then that alone places it
             swings = points[i, SWINGS] >= TO_AND_FRO and min(s, 1.0 - s) < spacing
             if kink <= curvature and not swings:
@@ -301,7 +335,7 @@ def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
             if points[i, INTERFACE] < 0.0 and not own_interface(points, count, i, h, s0):
                 break
             b = int(points[i, INTERFACE])
-            before, after = room(points, count, i, b, h)
+            before, after = room(points, count, b, h)
             if move_interface(q, grid, b, points[i, ARC_LENGTH], before, after):
                 break
             points[i, INTERFACE] = -1.0

@@ -86,7 +86,7 @@ def move_ends(points, count, y, spacing):
         back_again = shift * last < 0.0 and abs(shift) > max(BACK * abs(last), SLIGHT * spacing)
         points[i, SWINGS] = points[i, SWINGS] + 1.0 if back_again else 0.0
         if CREEP * last * last < shift * last < last * last:
-            shift, points[i, SHIFT] = shift / (1.0 - shift / last), 0.0
+            shift, points[i, SHIFT] = shift / (1.0 - shift / last), np.copysign(0.0, shift)
         shift = min(max(shift, -STRIDE * spacing), STRIDE * spacing)
         shifts[i] = min(max(shift, -ROOM * back), ROOM * forth)
         largest = max(largest, abs(shifts[i]))
