@@ -6,11 +6,19 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from cable_ros.branch.cold_start import Conditions
-from cable_ros.branch.snap_through import FREE_TO_TURN, SMALL, SNAP_WORK, SnapThrough, snap_and_record
+from cable_ros.branch.snap_through import (
+    FREE_TO_TURN,
+    SMALL,
+    SNAP_WORK,
+    SnapThrough,
+    fall_with_friction,
+    snap_and_record,
+)
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.travel import travel
 from cable_ros.rod import warm_step
@@ -46,6 +54,9 @@ DESCENT_COST = 4
 """Work of an iteration of an energy descent, in iterations of a warm step."""
 FREE_SNAPS = 2
 """Number of snap-throughs outside the budget: even a small step may meet a fold, and end just before it."""
+FALLS, FALL = 3, 1e-3
+"""Maximum number of falls with friction in a call, and the length of the failed step, L, below which it is
+tried whether the cable falls: else a grid takes over."""
 EDGE = 3.0
 """Maximum distance to an edge that a step may cross, in motions of clamps and obstacles."""
 TAUT = 500.0
@@ -117,7 +128,7 @@ def continue_branch(
     snaps: list[SnapThrough] = []
     margins: list[tuple[float, float]] = []  # fractions of the path and stability margins there
     forces: list[tuple[float, float]] = [(at, _norm(F))]  # of the last two equilibria, and their end forces
-    taut, in_a_row = False, 0
+    taut, in_a_row, falls = False, 0, 0
     given = last = rod.work  # at the start, and after the last step
 
     def ended(end: End) -> Continuation:
@@ -183,6 +194,17 @@ def continue_branch(
         if folding:
             rod.patience = 0
         if fallback is not None and not folding and (hard or not stable):
+            fallen = None
+            if falls < FALLS and far < FALL:
+                falls += 1
+                fallen = fall_with_friction(rod, q, F, path, at, step, partial(_travel, rod))
+            if fallen is not None:
+                found, snap, at = fallen
+                snaps.append(snap)
+                iterations += found.iterations
+                rod, q, F, last = found.rod, found.q, found.F, rod.work
+                forces = [(at, _norm(F))]
+                continue
             replacement, fallback = fallback(rod, q, F), None
             if replacement is not None:
                 rod, q, F = replacement, replacement.shape, replacement.end_force

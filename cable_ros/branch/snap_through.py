@@ -14,7 +14,7 @@ from cable_ros.branch.mirror_image import by_rule
 from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import Rod
-from cable_ros.rod.rod_state import TWIST
+from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.solve.trust_region import Options
 
 STEPS_BACK = (30.0, 10.0, 3.0)
@@ -38,6 +38,8 @@ SNAP_WORK = 90_000.0
 """Minimum budget of a snap-through: without it no call would get past a fold."""
 AHEAD = 100.0
 """Number of steps along the path to where a bifurcating branch is looked for, and a fall leads first."""
+BEYOND = 2e-4
+"""Motion of clamps and obstacles beyond a fold, L, in which a cable with friction falls."""
 DESCENT = Options(radius=0.1, largest_radius=0.3, iterations=400)
 """Of a snap-through: no step crosses a ridge."""
 GRID = np.linspace(0.0, 1.0, 33)
@@ -181,6 +183,36 @@ def _fall(
         if found is not None:
             break
     return found, end
+
+
+def fall_with_friction(
+    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], at: float, step: float,
+    away: Callable[[Conditions], float],
+) -> tuple[Found, SnapThrough, float] | None:  # fmt: skip
+    """As `snap_and_record`, of a cable that keeps its friction: it falls as in a viscous medium.
+
+    A branch that goes on attracts it. So where it ends in another shape the branch has ended.
+
+    `away`: the distance of the rod's conditions from others, L.
+    """
+    end = min(1.0, at + step)
+    while end < 1.0 and away(path(end)) < BEYOND:
+        end = min(1.0, at + 2.0 * (end - at))
+    there, shape = path(end), rod.mesh.interpolate(q, GRID)
+    energy, twist = rod.linearize(q, F)[0], float(rod.totals[TWIST])
+    spare = max(SNAP_WORK - rod.work, 0.0)
+    rod.work += spare
+    fallen = rod.fall_with_friction(q, F, there.qe, there.re, there.f, there.obstacles)
+    rod.work -= spare
+    if fallen is None:
+        return None
+    found = Found.at(rod, *fallen)
+    jumped = _jumped(shape, rod.mesh.interpolate(found.q, GRID))
+    record = SnapThrough(
+        at, energy, float(rod.totals[ENERGY]), twist, float(rod.totals[TWIST]), jumped, False, 0.0, 0.0,
+        crossed=jumped,
+    )  # fmt: skip
+    return found, record, end
 
 
 def _jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:

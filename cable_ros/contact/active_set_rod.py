@@ -258,7 +258,7 @@ class ActiveSetRod(FixedSetRod):
             factors = self.A, self.L, self.pivots, Y, S
             friction = self.model, self.direction, self.presliding
             bubbles = end_bubbles(self.mesh.element.order)
-            options = *friction, self.samples, self.depth, self.give, self.finest(), bubbles
+            options = *friction, self.samples, self.depth, self.give, self.finest(), bubbles, self.drag
             code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(
                 last, (qe, re, f), obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
                 options, (tolerance, limit, self.rotation, self.refactor_at), (q_new, F_new),
@@ -286,7 +286,7 @@ class ActiveSetRod(FixedSetRod):
         if self.ready and self.model != FRICTIONLESS and turned == 0.0:
             # with friction as it is; the iteration's own factors say nothing about stability, but they
             # predict the next step
-            code = warm_step.ADVANCED if self.kkt_factor(0.0, 3 + self.count) else warm_step.NOT_CONVEX
+            code = warm_step.ADVANCED if self.kkt_factor(self.drag, 3 + self.count) else warm_step.NOT_CONVEX
         if code != warm_step.ADVANCED:
             self.restore(kept, mesh)
             self.direction = direction
@@ -315,6 +315,10 @@ class ActiveSetRod(FixedSetRod):
             return code, iterations, q_new, F_new
         self.settled = q_new
         return code, iterations, q_new, F_new
+
+    def touched(self) -> tuple[np.ndarray, np.ndarray]:
+        """Obstacles (k,) of the contact points, and normals (k, 3) there."""
+        return self.points[: self.count, OBSTACLE].copy(), self.normals[: self.count].copy()
 
     def _rotated(self, q: np.ndarray, q_new: np.ndarray) -> float:
         """Largest rotation of a section, rad, from q to q_new, (n, 4), whose nodes have moved along."""

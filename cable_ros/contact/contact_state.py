@@ -122,6 +122,8 @@ class Options(NamedTuple):
     """Spacing that measures elements along patches, L."""
     bubbles: np.ndarray
     """(2, g + 2) see `elements.end_bubbles`."""
+    drag: float
+    """Of a viscous medium that resists the rotations in this step, over the elastic stiffness; mostly 0."""
 
 
 class Strain(NamedTuple):

@@ -98,6 +98,7 @@ class FixedSetRod(Rod):
         self._remeshing = Backoff(LONGEST_STAY)
         self.seen: list[np.ndarray] | None = None  # states that a search with several starts has found
         self.direction, self.presliding = np.zeros(3), 0.0  # see `contact_state.History`
+        self.drag = 0.0  # see `contact_state.Options`
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
         # `_patch_friction` and the contact points' arc lengths when `friction_error` was last computed

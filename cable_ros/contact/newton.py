@@ -63,20 +63,21 @@ MOST_IN_ALL = 75
 
 
 @njit(**INNER)
-def skew_factor(kkt, count, order):
+def skew_factor(kkt, count, order, drag):
     """`kkt_factor` where multipliers act along W, constraints read V; says nothing about stability.
 
     Args:
         kkt: `KKT`, whose factors are overwritten.
         count: number of constraint rows.
         order: of the elements.
+        drag: weight of the elastic part that is added, see `Options.drag`.
     """
     elastic, geometric = kkt.tangents.elastic, kkt.tangents.geometric
     A, U, pivots, _, S = kkt.factors
     n = elastic.shape[0]
     for i in range(n):
         for j in range(A.shape[1]):
-            A[i, j] = elastic[i, j] + geometric[i, j]
+            A[i, j] = (1.0 + drag) * elastic[i, j] + geometric[i, j]
     banded.factor(A, 3, n - 3, order, U, pivots)
     complement(kkt.rows.V, kkt.rows.W, count, order, kkt.factors)
     add_reach(kkt.strain.skew, count, S)
@@ -119,13 +120,14 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
     V, lines, totals = rows.V, rows.lines, evaluation.totals
-    model, _, _, samples, depth, give, finest, bubbles = options
+    model, _, _, samples, depth, give, finest, bubbles, drag = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
     order = N.shape[1] - 1
     n = 3 * q.shape[0]
     gv = evaluation.g.reshape(n)
     s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
+    gone, pull = np.zeros(n), np.empty(n)  # rotations in this step, and what the medium exerts
     elements = h.shape[0]
     cells = samples.shape[0] - 1
     spacing = 1.0 / cells
@@ -203,13 +205,17 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 steady = same or model != COULOMB
             if full and same:
                 convex = kkt_factor(
-                    tangents, 0.0, order, factors, V, rows.delta, strain.reach, strain.give, total_rows,
+                    tangents, drag, order, factors, V, rows.delta, strain.reach, strain.give, total_rows,
                     3 + count,
                 )  # fmt: skip
             elif full:
-                skew_factor(kkt, total_rows, order)
+                skew_factor(kkt, total_rows, order, drag)
             if full or swaps.shape[0] != total_rows:
                 small, swaps = complement_factors(factors.S, total_rows)
+            if drag > 0.0:
+                banded.multiply(tangents.elastic, gone, pull)
+                for i in range(n):
+                    gv[i] += drag * pull[i]
             b[:] = 0.0
             for a in range(3):
                 b[a] = totals[a] - re[a]
@@ -230,6 +236,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             rotation += step
             quaternion.retract(q_new, s, q_new)
             close(q_new, qe)
+            for i in range(n):
+                gone[i] += s[i]
             change, couple, scale = correct_forces(points, count, y, lines, F_new, strain.reach.shape[0] > 0)
             turned = max(step, couple / scale, move_ends(points, count, y, spacing))
             step = max(turned, change / scale)

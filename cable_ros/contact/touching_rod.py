@@ -18,6 +18,7 @@ from cable_ros.contact.patch_ends import join
 from cable_ros.contact.patches import resample
 from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead
 from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, INTERFACE, OBSTACLE
+from cable_ros.contact.viscous_flow import flow
 from cable_ros.rod import warm_step
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh
@@ -94,6 +95,15 @@ class TouchingRod(ActiveSetRod):
         self.ready = False
         return descend(self, q, F, options, NEAR, foundation=True, round_edges=False)
 
+    def fall_with_friction(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+        obstacles: np.ndarray | None,
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:  # fmt: skip
+        if self.model != COULOMB or not self.count or self.compliance.any():
+            return None
+        assert obstacles is not None
+        return flow(self, q, F, (qe, re, f, obstacles), self.passed_in_contact)
+
     def _from_contacts(
         self, q: np.ndarray, F: np.ndarray, tolerance: float
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
@@ -130,13 +140,13 @@ class TouchingRod(ActiveSetRod):
             self.set_conditions(*before)
         known, mesh, direction = self.state(), self.mesh, self.direction
         there = self.qe, self.re, self.f, self.obstacles
-        which, normals = self.points[: self.count, OBSTACLE].copy(), self.normals[: self.count].copy()
+        held = self.touched()
         result = self.step_in_contact(q, F, qe, re, f, tolerance, limit, obstacles)
         if result[0] != warm_step.ADVANCED:
             result = self._instead(q, F, qe, re, f, limit, obstacles, result)
         if result[0] != warm_step.ADVANCED:
             return result
-        if not self._passed_in_contact(q, F, *result[2:], mesh, there[3], (which, normals)):
+        if not self.passed_in_contact(q, F, *result[2:], mesh, there[3], held):
             return result
         self.restore(known, mesh)
         self.set_conditions(*there)
@@ -150,7 +160,7 @@ class TouchingRod(ActiveSetRod):
         """What takes the place of a step that failed."""
         return descend_instead(self, q, F, qe, re, f, limit, obstacles, failed)
 
-    def _passed_in_contact(
+    def passed_in_contact(
         self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, mesh: Mesh,
         before: np.ndarray, held: tuple[np.ndarray, np.ndarray],
     ) -> bool:  # fmt: skip
@@ -161,7 +171,7 @@ class TouchingRod(ActiveSetRod):
         Args:
             q, F, q_new, F_new: nodal frames (n, 4) and end force (3,) before and after.
             mesh, before: the mesh before, and the obstacles (o, WIDTH).
-            held: obstacles (k,) of the contact points before, and normals (k, 3) there.
+            held: `touched` before.
         """
         assert self.obstacles is not None
         if len(q) == len(q_new) and not could_pass(q, q_new, before, self.obstacles):

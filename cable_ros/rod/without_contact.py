@@ -80,6 +80,16 @@ class WithoutContact:
         """
         return None
 
+    def fall_with_friction(
+        self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
+        obstacles: np.ndarray | None,
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:  # fmt: skip
+        """Where (q, F) comes to rest under other conditions, with friction; None without, or if that fails.
+
+        See `contact.viscous_flow`.
+        """
+        return None
+
     def lets_go(self, q: np.ndarray, F: np.ndarray, near: float) -> bool:
         """Whether only a contact that is about to end holds the cable at the equilibrium (q, F), or one on a
         face whose edge, at most `near` away, does not hold it.

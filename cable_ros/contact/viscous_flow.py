@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a cable with friction falls where its branch ends: as in a viscous medium, with friction's memory.
+
+An energy descent would forget what sticks. An implicit Euler step in a medium whose drag is d times the
+elastic metric D solves the equations of an equilibrium with d D times the rotations since the step's
+beginning added, (H + d D) s = -(g + d D sum s), with contact and friction as in any step. The drag fades as
+the motion calms down; at rest it does nothing. A branch that goes on attracts the cable, so one that leaves
+in short steps, each of which lowers the energy, shows that its branch has ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod.elements import Mesh
+from cable_ros.rod.rod_state import ENERGY
+
+FIRST, LARGEST = 0.3, 100.0
+"""Drag at first, and the largest, over the elastic stiffness."""
+FADES, GROWS, EASES = 0.3, 3.0, 0.7
+"""Factors of the drag after a step that arrived and after one that failed, and, after every step, of the drag
+below which it does not go since a step failed."""
+CALM, LONGEST = 0.03, 0.3
+"""Maximum rotation of a section in a step, rad, after which the drag fades, and of any step."""
+STILL = 1e-4
+"""Maximum drag times that rotation, rad, of a cable that is all but at rest."""
+STEPS = 60
+"""Maximum number of steps."""
+TOLERANCE, LIMIT = 1e-7, 0.6
+"""Of Newton's method in a step: its last rotation, and the maximum of any, rad."""
+ROUNDING = 1e-9
+"""Relative rise of the energy that is rounding."""
+Ends = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""End frame, end position, load per length and obstacles, of `Rod.advance`."""
+
+
+def flow(
+    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, ends: Ends, passed: Callable[..., bool]
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """Come to rest from (q, F) under new conditions; None if that fails, with the rod as it was.
+
+    Args:
+        rod: with friction, at its equilibrium.
+        q, F: nodal frames (n, 4) and end force (3,) there.
+        ends: the new conditions, a little further along the path.
+        passed: whether a step has led through an obstacle, see `TouchingRod.passed_in_contact`.
+
+    Returns:
+        The stable equilibrium (q, F), factored, and the number of iterations.
+    """
+    begin, trial = _state(rod), rod.trial
+    rod.trial = True
+    drag, last, floor, energy, spent, rests = FIRST, FIRST, 0.0, np.inf, 0, False
+    for _ in range(STEPS):
+        if rod.work <= 0.0 or drag > LARGEST:
+            break
+        here = _state(rod)
+        count, arrived = _step(rod, drag, q, F, ends, passed)
+        spent += count
+        if arrived is not None:
+            stored = float(rod.totals[ENERGY])
+            moved = _rotation(here[1], q, rod.mesh, arrived[0])
+            if moved <= LONGEST and stored <= energy + ROUNDING * (1.0 + abs(energy)):
+                q, F = arrived
+                rests = drag == 0.0
+                if rests:
+                    break
+                energy, floor, last = stored, EASES * floor, drag
+                if moved < CALM:
+                    drag = 0.0 if drag * moved < STILL else max(FADES * drag, floor)
+                continue
+        _put_back(rod, *here)
+        drag = floor = GROWS * drag if drag > 0.0 else last
+    rod.drag, rod.trial, rod.ready = 0.0, trial, False
+    if rests and rod.refactor(q, F):
+        return q, F, spent
+    _put_back(rod, *begin)
+    return None
+
+
+def _step(
+    rod: ActiveSetRod, drag: float, q: np.ndarray, F: np.ndarray, ends: Ends, passed: Callable[..., bool]
+) -> tuple[int, tuple[np.ndarray, np.ndarray] | None]:
+    """Iterations of a step against this drag, and where it arrives; None if it does not."""
+    mesh, before, held = rod.mesh, rod.obstacles, rod.touched()
+    rod.drag, rod.ready = drag, False
+    code, count, q_new, F_new = rod.step_in_contact(q, F, *ends[:3], TOLERANCE, LIMIT, ends[3], drag == 0.0)
+    if code != warm_step.ADVANCED or passed(q, F, q_new, F_new, mesh, before, held):
+        return count, None
+    return count, (q_new, F_new)
+
+
+def _rotation(mesh: Mesh, q: np.ndarray, mesh_new: Mesh, q_new: np.ndarray) -> float:
+    """Largest rotation of a section, rad, from q (n, 4) on one mesh to q_new (k, 4) on another."""
+    return quaternion.largest_rotation(mesh.interpolate(q, mesh_new.nodes), q_new)
+
+
+State = tuple[tuple[np.ndarray, int, np.ndarray, np.ndarray], Mesh, tuple[np.ndarray, ...]]
+
+
+def _state(rod: ActiveSetRod) -> State:
+    """What `_put_back` needs."""
+    assert rod.obstacles is not None
+    return rod.state(), rod.mesh, (rod.qe, rod.re, rod.f, rod.obstacles)
+
+
+def _put_back(
+    rod: ActiveSetRod, state: tuple[np.ndarray, int, np.ndarray, np.ndarray], mesh: Mesh,
+    conditions: tuple[np.ndarray, ...],
+) -> None:  # fmt: skip
+    """The rod as it was."""
+    rod.restore(state, mesh)
+    rod.set_conditions(*conditions)
+    rod.ready = False
