@@ -28,6 +28,7 @@ from cable_ros.branch.property_change import Section, follow, with_section
 from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY, SearchedEquilibrium
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.shortest_path import gets_taut
 from cable_ros.contact.travel import travel
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
@@ -58,9 +59,16 @@ MOST_WAITING = 64
 ENOUGH = 0.1
 """Minimum fraction of the budget left to go from one of them to the next."""
 TAUT = (
-    "Cable '{}' is taut around obstacle '{}' {:.3g} % of the way to this pose: its tension has no bound"
-    " there. Go back, or reset the cable if it lies otherwise."
+    "Cable '{}' is taut around obstacle '{}': on the way to this pose, of which {:.3g} % could be followed,"
+    " its tension has no bound. Go back, or reset the cable if it lies otherwise."
 )
+RISES = (
+    "Cable '{}' is pulled around obstacle '{}' and could not be followed beyond {:.3g} % of the way to this"
+    " pose: its end force is {:.3g} N there and rises steeply. Go back, or reset the cable if it lies"
+    " otherwise."
+)
+ORIGIN = np.array([0.0] * 6 + [1.0])
+"""A start clamp there: x y z, quaternion x y z w."""
 POSE_LEFT_OUT = "a pose asked for before could not be reached, and friction depends on the path"
 POSES_CUT = f"more than {MOST_WAITING} poses wait to be passed through, and friction depends on the path"
 
@@ -247,14 +255,34 @@ class CableTracker(SearchedEquilibrium):
         self._rod = None
         self._lose(f"it could not be brought to the tolerance {tolerance:g}")
 
-    def _taut(self, rod: Rod, at: float) -> str:
-        """The sentence on a cable that is taut at a fraction of the way: around what presses most on it."""
+    def _taut(self, rod: Rod, path: Callable[[float], Conditions], at: float) -> str:
+        """The sentence on a cable whose end force seems to go to infinity, at a fraction of the way.
+
+        It is taut if the string to which it can be pulled gets longer than the cable on the rest of the way.
+        A cable that friction holds off its shortest path has slack, and yet a force that rises as steeply.
+        """
         read = rod.loaded_contacts(self._q)
         if read is None:
             return Status.NOT_CONVERGED.sentence
         contacts = read()
         pressing = contacts.obstacles[np.argmax(np.linalg.norm(contacts.forces, axis=1))]
-        return TAUT.format(self.name, self._names[int(pressing)], 100.0 * at)
+        told = self.name, self._names[int(pressing)], 100.0 * at
+        if self._gets_taut(rod, path, at):
+            return TAUT.format(*told)
+        return RISES.format(*told, float(np.linalg.norm(self._F)) * self._units.force)
+
+    def _gets_taut(self, rod: Rod, path: Callable[[float], Conditions], at: float) -> bool:
+        """See `gets_taut`, from the present equilibrium to the end of the path."""
+
+        def there(t: float) -> tuple[np.ndarray, np.ndarray]:
+            conditions = path(at + t * (1.0 - at))
+            assert conditions.obstacles is not None
+            return conditions.re, conditions.obstacles
+
+        re, obstacles = there(1.0)
+        assert rod.obstacles is not None
+        far = travel(rod.qe, rod.re, rod.obstacles, rod.qe, re, obstacles)
+        return gets_taut(self.outline(ORIGIN) / self._units.length, there, far, self._reach)
 
     def _too_short_far(self, rod: Rod, there: Conditions) -> str:
         """`_too_short` if the path takes several steps, else empty: the check costs as much as some steps."""
@@ -321,7 +349,8 @@ class CableTracker(SearchedEquilibrium):
             return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - begin)
         if result.end is End.TAUT and not self._passing:
             self._taut_force = min(self._taut_force, float(np.linalg.norm(self._F)))
-            return self.failed(Status.NOT_CONVERGED, self._taut(rod, result.at), time.perf_counter() - begin)
+            message = self._taut(rod, path, result.at)
+            return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
         if self._passing:
             # nobody asks for this pose any more: continue from here rather than from a cold start
             self._lose(POSE_LEFT_OUT)

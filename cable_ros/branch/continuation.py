@@ -75,7 +75,7 @@ class End(enum.Enum):
     """The rod has no `work` left."""
     BEYOND_REACH = enum.auto()
     TAUT = enum.auto()
-    """The cable is pulled taut around an obstacle: its force goes to infinity before the end of the path."""
+    """Around an obstacle its force goes to infinity, as extrapolated, before the end of the path."""
     STUCK = enum.auto()
 
 

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 
 from cable_ros.compilation import njit
@@ -28,14 +31,24 @@ DISTINCT = 0.02
 """Maximum distance, L, of strings that count as one."""
 STILL = 3e-6
 """Largest motion in the sweeps since the last check, L, that ends the iteration."""
+PULLED_SEGMENTS = 320
+"""Number of segments of a string that is pulled tight from a cable's own shape."""
+GENTLY = 1e-3
+"""Maximum motion of its points at once, L: so they do not pass through a thin obstacle, or a corner."""
+CARRIED = 2e-3
+"""Maximum motion of clamps and obstacles, L, before such a string is pulled again."""
+MOST_CARRIED = 100
+"""Maximum number of such motions that are looked at."""
+ROUNDS, SETTLED = 8, 1e-6
+"""Maximum number of times that it is pulled at each, and what it becomes shorter, L, in the last one."""
 
 
 @njit(**OPTIONS)
-def pull_tight(r: np.ndarray, obstacles: np.ndarray, enough: float) -> float:
+def pull_tight(r: np.ndarray, obstacles: np.ndarray, enough: float, farthest: float) -> float:
     """Move the inner points r (n, 3) of a string until it is not longer than `enough` or as short as it gets.
 
-    Each point in turn goes beyond the middle of its neighbours (over-relaxation), then out of the obstacles.
-    Returns the length; infinity where a part of it goes through one.
+    Each point in turn goes beyond the middle of its neighbours (over-relaxation), by `farthest` at most along
+    each axis, then out of the obstacles. Returns the length; infinity where a part of it goes through one.
     """
     n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
     last = r.shape[0] - 1
@@ -46,7 +59,8 @@ def pull_tight(r: np.ndarray, obstacles: np.ndarray, enough: float) -> float:
         for i in range(1, last):
             for a in range(3):
                 before[a] = r[i, a]
-                r[i, a] += factor * (0.5 * (r[i - 1, a] + r[i + 1, a]) - r[i, a])
+                move = factor * (0.5 * (r[i - 1, a] + r[i + 1, a]) - r[i, a])
+                r[i, a] += min(max(move, -farthest), farthest)
             for _ in range(2):
                 for o in range(obstacles.shape[0]):
                     inside = gap(obstacles[o], r[i], n, directions, bends)
@@ -96,7 +110,7 @@ def shortest_path(re: np.ndarray, obstacles: np.ndarray, enough: float) -> tuple
     best, path = np.inf, np.empty((SEGMENTS + 1, 3))
     for k in range(SIDES + 1):
         r = initial_string(re, k)
-        length = pull_tight(r, obstacles, enough)
+        length = pull_tight(r, obstacles, enough, np.inf)
         if length < best:
             best, path = length, r
         if best <= enough:
@@ -112,7 +126,7 @@ def taut_strings(re: np.ndarray, obstacles: np.ndarray, reach: float) -> list[np
     found: list[tuple[float, np.ndarray]] = []
     for k in range(SIDES + 1):
         r = initial_string(re, k)
-        length = float(pull_tight(r, obstacles, 0.0))
+        length = float(pull_tight(r, obstacles, 0.0, np.inf))
         if length < reach and all(np.abs(r - other).max() > DISTINCT for _, other in found):
             found.append((length, r))
     return [r for _, r in sorted(found, key=_first)]
@@ -122,7 +136,39 @@ def _finer(path: np.ndarray, obstacles: np.ndarray) -> tuple[float, np.ndarray]:
     """Length and points of the string `path` (n, 3) in FINER times as many segments."""
     at = np.linspace(0.0, len(path) - 1.0, FINER * (len(path) - 1) + 1)
     r = np.stack([np.interp(at, np.arange(len(path)), path[:, a]) for a in range(3)], axis=1)
-    return float(pull_tight(r, obstacles, 0.0)), r
+    return float(pull_tight(r, obstacles, 0.0, np.inf)), r
+
+
+def gets_taut(
+    shape: np.ndarray, there: Callable[[float], tuple[np.ndarray, np.ndarray]], distance: float, reach: float
+) -> bool:
+    """Whether, as clamps and obstacles move, the string to which a cable can be pulled gets longer than it.
+
+    The string begins as the cable and passes the obstacles on its side. It is pulled tight in small steps of
+    the motion, by small motions of its points, and no friction holds it: where it settles, no path beside it
+    is shorter. Its segments cut corners, so that it is too short, never too long. False also if it ends in an
+    obstacle, or the motion is too long to tell.
+
+    Args:
+        shape: (n, 3) points of the cable at equal arc lengths, outside of the obstacles.
+        there: end position (3,) and obstacles (o, WIDTH) at a fraction of the motion.
+        distance: of the motion, see `travel`, L.
+        reach: length of the cable, L.
+    """
+    at = np.linspace(0.0, len(shape) - 1.0, PULLED_SEGMENTS + 1)
+    r = np.stack([np.interp(at, np.arange(len(shape)), shape[:, a]) for a in range(3)], axis=1)
+    steps, enough = max(1, math.ceil(distance / CARRIED)), reach + SLIGHT
+    for k in range(1, min(steps, MOST_CARRIED) + 1):
+        re, obstacles = there(k / steps)
+        r += np.linspace(0.0, 1.0, len(r))[:, None] * (re - r[-1])
+        length = np.inf
+        for _ in range(ROUNDS):
+            before, length = length, float(pull_tight(r, obstacles, enough, GENTLY))
+            if length <= enough:
+                break
+            if before - length < SETTLED:
+                return length < np.inf
+    return False
 
 
 def _first(one: tuple[float, np.ndarray]) -> float:

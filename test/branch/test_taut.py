@@ -8,7 +8,12 @@ import pytest
 from scipy.optimize import brentq
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
+from cable_ros.bench.cases import case_scene, joint_values
+from cable_ros.bench.drawn import drawn_case
 from cable_ros.branch.continuation import _taut_at
+from cable_ros.contact.distance import AXES, CAPSULE, CENTRE, DIMENSIONS, SHAPE, WIDTH
+from cable_ros.contact.shortest_path import gets_taut
+from cable_ros.scene.kinematics import Kinematics
 
 LENGTH, SPAN, HEIGHT, RADIUS = 1.0, 0.35, 0.1, 0.205
 """Of the cable; half the distance of its clamps and their height; of the drum, the cable's own counted: m."""
@@ -76,6 +81,52 @@ def force_error(one: Equilibrium, other: Equilibrium) -> float:
     """Relative difference of their end forces."""
     difference = np.linalg.norm(one.end_wrench[:3] - other.end_wrench[:3])
     return float(difference / np.linalg.norm(other.end_wrench[:3]))
+
+
+def test_what_friction_holds_off_its_shortest_path_is_not_said_to_be_taut() -> None:
+    """Two rough beams (drawn 116:36) pull on a cable beside the plane in which the shortest path lies.
+
+    Friction alone bounds how far they can be raised: the shortest path, two tangents, two arcs about the
+    outer edges and the straight line between, is shorter than the cable.
+    """
+    case = drawn_case(116, 36, 1e-4)
+    scene = case_scene(case)
+    (cable,) = scene.cables
+    tracker = Tracker(scene, tolerance=case.tolerance)
+    kinematics = Kinematics(scene)
+    found = [tracker.arrive(joints)["cable"] for joints in case.path[:3]]
+    start = kinematics.poses(joint_values(kinematics, case.path[2]))[0, 0]
+    lift = kinematics.obstacle_poses(joint_values(kinematics, case.path[2]))[0, 2]
+    centre, size = scene.obstacles[0].shape.center, scene.obstacles[0].shape.size
+    edge = np.array([centre[0] - 0.5 * size[0], centre[2] + 0.5 * size[2] + lift])
+    to = edge - start[[0, 2]]
+    apart, rise = np.hypot(*to), np.arctan2(to[1], to[0])
+    angle = rise + np.arcsin(cable.radius / apart)  # of the tangent, from the flat line between the edges
+    path = 2.0 * (np.sqrt(apart**2 - cable.radius**2) + cable.radius * angle - edge[0])
+    assert found[1].status.trusted
+    assert 5e-4 < cable.length - path < 2e-3
+    assert found[2].status is Status.NOT_CONVERGED
+    assert "is taut" not in found[2].message
+    assert np.isnan(found[2].end_wrench).all()
+
+
+@pytest.mark.parametrize("up", [-0.02, -0.001, 0.001, 0.01])
+def test_a_string_over_a_drum_gets_longer_than_the_cable(up: float) -> None:
+    """It does as soon as the shortest path over the drum, an independent bound, does."""
+    taut = float(brentq(lambda up: shortest(up) - LENGTH, 0.0, 0.4))
+    x = np.linspace(0.0, 1.0, 101)
+    shape = np.column_stack([2.0 * SPAN * x, np.zeros(101), 0.48 * np.sin(np.pi * x)])
+    drum = np.zeros(WIDTH)
+    drum[SHAPE], drum[AXES:DIMENSIONS] = CAPSULE, [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0]
+    drum[DIMENSIONS : DIMENSIONS + 2] = RADIUS, 1.0
+
+    def there(t: float) -> tuple[np.ndarray, np.ndarray]:
+        moved = drum.copy()
+        moved[CENTRE : CENTRE + 3] = SPAN, 0.0, taut + up - 0.02 * (1.0 - t) - HEIGHT
+        return np.array([2.0 * SPAN, 0.0, 0.0]), moved[None]
+
+    assert abs(shortest(taut + up) - LENGTH) > 5e-4
+    assert gets_taut(shape, there, 0.02, LENGTH) == (shortest(taut + up) > LENGTH)
 
 
 def test_the_end_is_extrapolated() -> None:
