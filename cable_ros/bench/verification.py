@@ -120,9 +120,9 @@ def apart(touches: Sequence[Touch]) -> list[Touch]:
     """Touches that hold the rod, at some distance from each other; those in between keep the reported forces.
 
     The rod can hardly tell apart the forces of points side by side on one surface, so they cannot be found
-    one by one; those on two surfaces it can, and two that pinch it may only stand both. Those that stand
-    alone slide to where the gap is smallest: a soft rod answers to a place that is a little off by a shape
-    that is much more so.
+    one by one; those on two surfaces it can, and two that pinch it may only stand both. Points that stand
+    alone, but for the pressure beside a lift-off, slide to where the gap is smallest: a soft rod, and one
+    that is all but taut, answers to a place that is a little off by a shape that is much more so.
     """
     out: list[Touch] = []
     last: dict[object, float] = {}
@@ -132,7 +132,7 @@ def apart(touches: Sequence[Touch]) -> list[Touch]:
         if holds:
             last[touch.surface] = touch.place
         near = [other for other in touches if abs(other.place - touch.place) < 0.25 * ALONE]
-        alone = sum(other.surface is touch.surface for other in near) == 1
+        alone = sum(other.surface is touch.surface and other.slides for other in near) == 1
         out.append(replace(touch, holds=holds, slides=touch.slides and holds and alone))
     return out
 
