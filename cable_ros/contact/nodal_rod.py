@@ -20,6 +20,7 @@ from cable_ros.contact.nodal_newton import CONVERGED, state_moved
 from cable_ros.contact.nodal_response import obstacle_motions
 from cable_ros.contact.nodal_solver import NodalSolver
 from cable_ros.contact.nodal_state import ORDER, State
+from cable_ros.contact.report import positions
 from cable_ros.contact.travel import FRICTION_LEAST, FRICTION_STEP, LYING_CHANGE, SHORTER, stride, travel
 from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion, warm_step
@@ -38,6 +39,8 @@ FINER = 1.6
 """Number of points of a finer grid over this rod's."""
 SAG = 100.0
 """Relative error per depth, L, of the cable inside an obstacle between two contact points."""
+PARTS = 5
+"""Number of places between two contact points where that is looked for: an edge may be anywhere."""
 FADING = 0.95
 """Least estimated error, fraction of the last step's: with contacts between the points it may vanish by
 chance."""
@@ -176,7 +179,7 @@ class NodalRod(NodalSolver):
         lumped = float(np.linalg.norm(self.state.F[-1])) / (12.0 * self.cells**2)
         # and at least this error by edges that cut into it between two points
         tangents = self.directions()
-        cut = SAG * deepest(self.state.r, tangents, self.h, self._under)
+        cut = SAG * self._cut()
         # between two sliding points the true normal has no component along the cable, but theirs have one
         normals, _ = self._pressed()
         axial = np.where(self._slips, self.state.lam * np.einsum("ka,koa->ko", tangents, normals), 0.0)
@@ -184,6 +187,13 @@ class NodalRod(NodalSolver):
         slope = np.concatenate((mine[:3] * along / max(float(np.linalg.norm(mine[:3])), 1e-300), np.zeros(3)))
         edges = float(relative_change(slope, mine, self.least))
         self._estimate = max(error, before, beside, lumped, cut, edges)
+
+    def _cut(self) -> float:
+        """How deep the centreline is inside an obstacle between two contact points, L; negative outside."""
+        at = (self.s0[:, None] + self.h[:, None] * np.arange(PARTS) / PARTS).ravel()
+        r = positions(self.centreline(self.state.q, self.state.F[-1]), self.h, self.s0, at)
+        tangents = quaternion.tangents(self.mesh.interpolate(self.state.q, at))
+        return float(deepest(r, tangents, np.diff(at), self._under))
 
     # equilibria of other rods
 

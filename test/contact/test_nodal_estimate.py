@@ -14,6 +14,7 @@ import pytest
 from nodal_scenes import go, ground, rotation, wrench
 
 from cable_ros.branch.cold_start import Conditions, Found, equilibria, refine
+from cable_ros.contact.distance import AXES, BOX, CENTRE, DIMENSIONS, OFFSET, SHAPE, WIDTH
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE
 from cable_ros.rod.units import relative_change
@@ -86,3 +87,22 @@ def test_the_estimate_covers_the_error_where_it_lies(friction: float, ways: tupl
         rod = led(cells, friction, ways)
         assert error(rod, exact) < SPREAD * estimate(rod)
         assert estimate(rod) < 5e-2
+
+
+def test_an_edge_that_cuts_in_beside_the_middle_is_measured() -> None:
+    """A box's edge between two contact points on its faces: how deep the chord is inside, by geometry."""
+    rod = adopted(96, 0.0)
+    a, b = rod.state.r[80:82]
+    chord = np.linalg.norm(b - a)
+    along = (b - a) / chord
+    up = np.cross(along, [0.0, 1.0, 0.0])
+    up /= np.linalg.norm(up)
+    sine, cosine = np.sin(np.radians(15.0)), np.cos(np.radians(15.0))
+    corner = a + chord * cosine * (cosine * along + sine * up)  # a right angle, 15 degrees at a
+    axes = np.column_stack([(a - corner) / (chord * cosine), (b - corner) / (chord * sine), [0.0, 1.0, 0.0]])
+    box = np.zeros(WIDTH)
+    box[SHAPE], box[CENTRE:AXES] = BOX, corner + 0.02 * (axes[:, 0] + axes[:, 1])
+    box[AXES:DIMENSIONS], box[DIMENSIONS:OFFSET] = axes.ravel(), 0.02
+    rod._under = box[None]
+    deepest = chord * sine * cosine / (sine + cosine)
+    assert 0.85 * deepest < rod._cut() < 1.02 * deepest
