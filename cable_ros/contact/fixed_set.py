@@ -10,13 +10,13 @@ import numpy as np
 
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.assembly import nodal
+from cable_ros.contact.clamp_force import clamp_error
 from cable_ros.contact.contact_entry_points import assemble_kkt, point_forces
 from cable_ros.contact.dead_loads import DeadLoads
-from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
 from cable_ros.contact.gap_search import dips, scan
 from cable_ros.contact.meshing import suited
-from cable_ros.contact.patches import inside
 from cable_ros.contact.points import (
     ARC_LENGTH,
     ARM,
@@ -37,7 +37,7 @@ from cable_ros.contact.points import (
 )
 from cable_ros.contact.resolution import highest_mode, misplaced
 from cable_ros.contact.response import HELD, UNSTRAINED, Contacts, wrench_response
-from cable_ros.rod import entry_points, error_estimate, quaternion
+from cable_ros.rod import entry_points, error_estimate
 from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import NOTHING, Rod
@@ -53,11 +53,8 @@ FRICTION_SHORTENS = 0.4
 CHANGED, SHIFTED = 0.1, 1e-3
 """Relative change of friction, and motion of a contact point along the cable, L, after which the error is
 estimated again."""
-LEVEL = 1e-6
-"""Maximum angle, rad, between a plane and a clamp's tangent that is along it."""
 START = 0.2
 """Weight of an error of the start's wrench beside one of the end's."""
-Z_AXIS = np.array([0.0, 0.0, 1.0])
 RELEASED = 1e30
 """Compliance of a constraint row, L^3 / EI, that holds nothing."""
 
@@ -419,30 +416,25 @@ class FixedSetRod(Rod):
         return boundaries[-1] if self._yields else self.re
 
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """(2,) relative errors of the forces with which the clamps press on a plane that the cable lies on.
+        """(2,) relative errors of the clamps' forces where the cable lies beside them; see `clamp_error`.
 
-        On a plane, M' + t x F = 0 across the plane's normal n and the tangent t asks for B F n = (M t) (M n),
-        with one bending stiffness B; a cable that stretches has F times 1 + its strain there. Moments
-        are accurate, but how a clamp and the sample beside it share the pressure near the clamp depends on
-        the element there. An error of the start's wrench counts for a fifth: the tolerance is the end's. Zero
-        where this says nothing.
+        An error of the start's wrench counts for a fifth: the tolerance is the end's.
         """
-        out, points = np.zeros(2), self.points[: self.count]
-        if not self.has_patch or self.K[0] != self.K[1] or self.natural[:2].any():
-            return out
+        if not self.has_patch:
+            return np.zeros(2)
         assert self.obstacles is not None
-        n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+        points = self.points[: self.count]
+        even = self.K[0] == self.K[1] and not self.natural[:2].any()
+        starts = NOTHING, q[0], F + self.f + self.contact_force(), -self.g[0]
+        ends = self.re, q[-1], F, self.g[-1]
+        section = self.K[0] if even else 0.0, self.compliance[2]
+        grid = self.h, self.s0
         size = relative_change(np.array([1.0, 0, 0, 0, 0, 0]), np.concatenate((F, self.g[-1])), self.least)
-        ends = (0.0, NOTHING, F + self.f + self.contact_force(), -self.g[0]), (1.0, self.re, F, self.g[-1])
-        for k, (s, r, force, moment) in enumerate(ends):
-            t, M = quaternion.rotate(q[-k], Z_AXIS), quaternion.rotate(q[-k], moment)
-            for o in np.unique(points[:, OBSTACLE]).astype(int):
-                gap(self.obstacles[o], r, n, directions, bends)
-                if inside(points, self.count, o, s) and not bends.any() and abs(t @ n) < LEVEL:
-                    pressing = (1.0 + self.compliance[2] * (force @ t)) * (force @ n)
-                    error = abs(self.K[0] * pressing - (M @ t) * (M @ n)) / self.K[0]
-                    out[k] = max(out[k], (1.0 if s else START) * error * size)
-        return out
+        errors = [
+            clamp_error(s, clamp, section, grid, points, self.obstacles)
+            for s, clamp in ((0.0, starts), (1.0, ends))
+        ]
+        return size * np.array([START * errors[0], errors[1]])
 
     def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """As `relative_error`, for friction along patches between the samples.

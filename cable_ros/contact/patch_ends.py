@@ -49,6 +49,9 @@ MEETS = 0.1
 RIPPLE = 0.5
 """Least length, in spacings, along which samples between others that press must pull for the cable to lift
 off there: beside a much longer element the pressure of a short one ripples."""
+BESIDE_CLAMP = 2.0
+"""The same beside a clamp on the surface: there a cable that leaves it along so little rises by less than
+what counts as a depth, and force and couple of its lift-off are all but nothing."""
 FAINT = 1e-3
 """Force, EI / L^2, below which its lever is taken for that of this force."""
 
@@ -296,7 +299,8 @@ def lift_off(points, count, h, s0, spacing, obstacles):
                 length += h[g // SAMPLES] * WEIGHTS[g % SAMPLES]
                 g += 1
             at_clamp = first == 0 or g == size
-            if not any_pulls or ((g == first + 1 or length < RIPPLE * spacing) and not at_clamp):
+            slight = g == first + 1 or length < RIPPLE * spacing
+            if not any_pulls or (length < BESIDE_CLAMP * spacing if at_clamp else slight):
                 continue
             low = sample_place(first - 1, h, s0) if first > 0 and presses[first - 1] else -1.0
             high = sample_place(g, h, s0) if g < size and presses[g] else -1.0

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well the force of a clamp is known beside which the cable lies on an obstacle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.contact.distance import gap
+from cable_ros.contact.patches import NODES, inside
+from cable_ros.contact.points import ARC_LENGTH, FORCE, KIND, OBSTACLE, SAMPLE
+from cable_ros.rod import quaternion
+
+LEVEL = 1e-6
+"""Maximum angle, rad, between a plane and a clamp's tangent that is along it."""
+Z_AXIS = np.array([0.0, 0.0, 1.0])
+
+
+def clamp_error(
+    s: float, clamp: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], section: tuple[float, float],
+    grid: tuple[np.ndarray, np.ndarray], points: np.ndarray, obstacles: np.ndarray,
+) -> float:  # fmt: skip
+    """Error of the force of the clamp at s, 0 or 1, EI / L^2; zero where this says nothing.
+
+    On a plane, M' + t x F = 0 across the plane's normal n and the tangent t asks for B F n = (M t) (M n),
+    with one bending stiffness B; a cable that stretches has F times 1 + its strain there. Moments are
+    accurate, but how a clamp and the sample beside it share the pressure near the clamp depends on the
+    element there. A cable that leaves the surface just before the clamp: see `lifts_off`.
+
+    Args:
+        s: arc length.
+        clamp: position (3,), frame (4,), force (3,) and moment (3,), this along the section's axes.
+        section: bending stiffness, 0 if it is not one, and compliance of stretch.
+        grid: lengths and starts (m,) of the elements.
+        points: (c, COLUMNS) the contact points.
+        obstacles: (o, WIDTH).
+    """
+    r, q, force, moment = clamp
+    bending, compliance = section
+    t, M = quaternion.rotate(q, Z_AXIS), quaternion.rotate(q, moment)
+    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+    out = 0.0
+    for o in np.unique(points[:, OBSTACLE]).astype(int):
+        if not inside(points, len(points), o, s):
+            continue
+        gap(obstacles[o], r, n, directions, bends)
+        error = lifts_off(o, s, grid, points)
+        if error == 0.0 and bending and not bends.any() and abs(t @ n) < LEVEL:
+            pressing = (1.0 + compliance * (force @ t)) * (force @ n)
+            error = abs(bending * pressing - (M @ t) * (M @ n)) / bending
+        out = max(out, error)
+    return out
+
+
+def lifts_off(o: int, s: float, grid: tuple[np.ndarray, np.ndarray], points: np.ndarray) -> float:
+    """Error of the force of the clamp at s if the cable leaves obstacle o before it, EI / L^2; else 0.
+
+    It leaves the surface between the last sample that presses and the next one. That the force of the former
+    acts there changes the clamp's by less than the square of their distance over that to the clamp. A cable
+    lies at the clamp if the outermost sample presses. Arguments as in `clamp_error`.
+    """
+    h, s0 = grid
+    mine = (points[:, OBSTACLE] == o) & (points[:, KIND] == SAMPLE) & (points[:, FORCE] > 0.0)
+    if not mine.any():
+        return 0.0
+    last = points[mine][np.argmin(np.abs(points[mine, ARC_LENGTH] - s))]
+    away = abs(last[ARC_LENGTH] - s)
+    left = np.abs((s0[:, None] + h[:, None] * NODES).ravel() - s)
+    nearer = left[left < 0.999 * away]
+    return float(last[FORCE] * (1.0 - nearer.max() / away) ** 2) if len(nearer) else 0.0
