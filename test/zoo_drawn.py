@@ -211,6 +211,7 @@ FOUND = {
     (112, 51): "a heavy cable over two rough beams: no start arrived",
     (113, 2): "along a smooth wall: a contact at the end of a long element is flat beside",
     (114, 42): "a ball pushed up: in one step, or in many, a fork is taken to the same side",
+    (114, 49): "over two rough beams, cold: found as a light cable that is loaded",
     (115, 131): "a loop slides up over an edge, whose contact lets go and alone held it",
     (115, 140): "a lift without friction, laid flat: it leaves the ground just before its clamp",
     (115, 260): "a lift without friction, laid down: its contact runs into the clamp",

@@ -46,6 +46,9 @@ RESTING, EDGED = 5e-4, 0.1
 """Distance from a clamp, L, within which contact is the clamp's own: with so short an arm its force, of which
 the cable tells the moment alone, goes to infinity. And curvature of an edge, of which that is not said, times
 this distance."""
+GRAZES = 1e-10
+"""Depth, L, above which a cable lies between a point and a clamp that rests on the surface: how these two
+share its force is told by less than what counts as a depth elsewhere."""
 LONG = 4.0
 """Length inside an obstacle, in spacings, above which contact is a patch, not a point."""
 
@@ -183,6 +186,11 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             if s < 0.0:
                 continue
             value, _, _ = gap_at(shape, s, obstacles[o], at)
+            if value >= -depth and (k == 1 or k == m - 2):
+                # a point in the clamp's cell is one minimum, a dip between it and the clamp another
+                clamp = 0.0 if k == 1 else 1.0
+                s, value = between_clamp(shape, clamp, points, count, o, spacing, obstacles[o])
+                value = min(value, -2.0 * depth) if value < -GRAZES else 0.0
             if value >= -depth or (value > -(RESTING**2) and min(s, 1.0 - s) < RESTING):
                 continue
             if inside(points, count, o, s):
@@ -227,6 +235,31 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                     count = add(points, count, o, s, POINT)
             changed = True
     return changed, count
+
+
+@njit(**INNER)
+def between_clamp(shape, clamp, points, count, o, spacing, obstacle):
+    """Arc length half way from a clamp on the surface to the contact point beside it, and the gap there, L.
+
+    The gap is 0 if there is no such point.
+
+    Args:
+        shape: `Shape`.
+        clamp: its arc length, 0 or 1.
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        o, spacing: obstacle, and distance of the samples, L.
+        obstacle: (WIDTH,).
+    """
+    i = nearest(points, count, o, clamp, 2.0 * spacing)
+    if (
+        i < 0
+        or points[i, KIND] != POINT
+        or not grounded(shape.c, shape.grid.h, shape.grid.s0, obstacle, clamp)
+    ):
+        return clamp, 0.0
+    s = 0.5 * (clamp + points[i, ARC_LENGTH])
+    value, _, _ = gap_at(shape, s, obstacle, surface())
+    return s, value
 
 
 @njit(**INNER)

@@ -298,12 +298,13 @@ def lift_off(points, count, h, s0, spacing, obstacles):
                 any_pulls = any_pulls or pulls[g]
                 length += h[g // SAMPLES] * WEIGHTS[g % SAMPLES]
                 g += 1
-            at_clamp = first == 0 or g == size
-            slight = g == first + 1 or length < RIPPLE * spacing
-            if not any_pulls or (length < BESIDE_CLAMP * spacing if at_clamp else slight):
-                continue
             low = sample_place(first - 1, h, s0) if first > 0 and presses[first - 1] else -1.0
             high = sample_place(g, h, s0) if g < size and presses[g] else -1.0
+            slight = g == first + 1 or length < RIPPLE * spacing
+            if first == 0 or g == size:
+                slight = max(low, high) >= 0.0 and length < BESIDE_CLAMP * spacing
+            if slight or not any_pulls:
+                continue
             count = lift(
                 points, count, o, 0.5 * (sample_place(first, h, s0) + sample_place(g - 1, h, s0)), low, high
             )

@@ -39,6 +39,8 @@ SOFT = 2
 """Work of an iteration among soft obstacles over that of another: each tries several radii."""
 SHARE = 0.3
 """Maximum fraction of the budget spent on a descent for a step that failed: a shorter step may not fail."""
+PRESSES = 1e-2
+"""Force over the end's, above which a contact beside a clamp must not go within a descent."""
 GRID = np.linspace(0.0, 1.0, 33)
 """Where shapes are compared."""
 
@@ -154,12 +156,26 @@ def descend_instead(
     if found is not None:
         after = rod.mesh.interpolate(found[0], GRID)
         moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))
-        if moved < min(limit, 0.02 + 20.0 * motion) and not leaves_plane(q, found[0], qe, re):
+        near = moved < min(limit, 0.02 + 20.0 * motion) and not leaves_plane(q, found[0], qe, re)
+        if near and not drops(rod, kept[0], found[1]):
             rod.rotation = 0.0
             return warm_step.ADVANCED, failed[1] + found[2], found[0], found[1]
     rod.restore(kept, mesh)
     rod.set_conditions(*before)
     return failed
+
+
+def drops(rod: ActiveSetRod, before: np.ndarray, F: np.ndarray) -> bool:
+    """Whether a contact beside a clamp, which pressed before, has gone: the clamp may bear it all the same.
+
+    A dip so close to a clamp is shallow whatever the force that it hides. F: (3,) the end force.
+    """
+    here = rod.points[: rod.count, ARC_LENGTH]
+    for point in before[before[:, FORCE] > PRESSES * float(np.linalg.norm(F))]:
+        for away, others in ((point[ARC_LENGTH], here), (1.0 - point[ARC_LENGTH], 1.0 - here)):
+            if away < 0.5 * rod.spacing and not (others < 2.0 * away).any():
+                return True
+    return False
 
 
 def _inherit(rod: ActiveSetRod, before: np.ndarray) -> None:

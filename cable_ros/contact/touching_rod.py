@@ -16,7 +16,7 @@ from cable_ros.contact.gap_search import could_pass, passage
 from cable_ros.contact.meshing import CLOSEST
 from cable_ros.contact.patch_ends import join
 from cable_ros.contact.patches import resample
-from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead
+from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead, drops
 from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, INTERFACE, OBSTACLE
 from cable_ros.contact.viscous_flow import flow
 from cable_ros.rod import warm_step
@@ -82,7 +82,11 @@ class TouchingRod(ActiveSetRod):
                 return known
             self.forgot = self.forgot or self.model == COULOMB
             near = replace(options, iterations=min(options.iterations, MOST_NEAR))
+            kept, mesh = self.state(), self.mesh
             found = descend(self, q, F, near, NEAR)
+            if found is not None and drops(self, kept[0], found[1]):
+                self.restore(kept, mesh)
+                return None
             if found is not None or self.work <= 0.0:
                 return found
             return descend(self, q, F, options, FAR, foundation=True)
