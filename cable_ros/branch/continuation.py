@@ -28,7 +28,7 @@ SHORTEST = 1e-4
 """Minimum step, as a fraction of the longest: if it fails, the branch ends."""
 BEYOND = 0.02
 """Minimum step out of reach, as a fraction of the longest: it is not halved further."""
-FALLBACK_LYING, FALLBACK = 0.05, 1e-3
+FALLBACK_LYING, FALLBACK = 0.005, 1e-3
 """Minimum step, as a fraction of the longest, before a rod that fails is replaced: one that lies along an
 obstacle with friction, and any other, which mostly arrives in small steps."""
 FALLBACK_POINTS = 1e-6
