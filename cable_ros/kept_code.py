@@ -92,8 +92,14 @@ def folders(file: Path) -> Iterator[Path]:
 
 def _name(kernel: Callable[..., Any]) -> str:
     """Of the file with this kernel's code: its own even where many packages share the folder."""
-    source = hashlib.sha256(kernel.__code__.co_filename.encode()).hexdigest()[:12]
+    source = _place(kernel.__code__.co_filename)
     return f"{kernel.__module__}.{kernel.__qualname__}-{source}.{sys.implementation.cache_tag}.code"
+
+
+@memoized
+def _place(file: str) -> str:
+    """Short for where the file is, however that is written: colcon links to sources, users to workspaces."""
+    return hashlib.sha256(os.path.realpath(file).encode()).hexdigest()[:12]
 
 
 def save(kernel: Callable[..., Any], kept: Kept) -> None:

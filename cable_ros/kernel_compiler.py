@@ -16,6 +16,7 @@ from functools import cache as memoized
 from functools import reduce
 from importlib import import_module
 from inspect import signature
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
@@ -23,10 +24,12 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import boxing, cgutils, pythonapi, types
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.types.misc import unliteral
 from numba.extending import NativeValue, typeof_impl
 from numba.np.numpy_support import as_dtype
 
+from cable_ros.common.alone import alone
 from cable_ros.common.compile_watch import listen
 from cable_ros.kept_code import NDARRAY, Kept, add_symbols, maker, save
 from cable_ros.kept_code import Callee as KeptCallee
@@ -68,6 +71,7 @@ def dispatcher_of(kernel: Any) -> Any:
     if cache is not None and file is not None:
         file._source_stamp = file._source_stamp, kernel.stamp
         cache._cache_file = CompiledCode(file, kernel)
+        _compile_alone(dispatcher, kernel, Path(cache.cache_path, "cable_ros.lock"))
     return dispatcher
 
 
@@ -98,6 +102,22 @@ _CALLEES: dict[str, Callee] = {}
 """By their symbols, those whose code is in this process."""
 _CALLS: dict[str, dict[str, Callee]] = {}
 """What the code of a symbol calls."""
+
+
+def _compile_alone(dispatcher: Any, kernel: Any, lock: Path) -> None:
+    """Of processes that need the same code one compiles it, and the others take what that has kept.
+
+    Each gives another symbol to what it compiles: of code of both, callers would not find their callees. Nor
+    do they wait for each other in a circle, as kernels do not call each other in one.
+    """
+    inherited = dispatcher.compile
+
+    def compile_alone(arguments: Any) -> Any:
+        # The compiler first: of two threads, the one that has it must not wait for what the other has locked.
+        with global_compiler_lock, alone(lock, f"{kernel.__module__}.{kernel.__qualname__}"):
+            return inherited(arguments)
+
+    dispatcher.compile = compile_alone
 
 
 def _take_literals_as_others(dispatcher: Any) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from cable_ros import compilation
+from cable_ros.common.alone import alone
 from cable_ros.compilation import PACKAGE, njit, sources
 
 MODULES = {
@@ -110,6 +111,28 @@ def test_code_is_not_taken_without_that_of_its_callee(package):
     python("from somewhere.inner import inner; inner(1); inner(1.0)", path=package.parent)
     assert call(package) == (21.0, "compiled")
     assert call(package) == (21.0, "kept")
+
+
+def test_of_two_processes_one_compiles_and_the_other_takes_it(package):
+    """Both begin at once; each would number what it compiles in its own way."""
+    (package / "__pycache__").mkdir()
+    count = "import numba; numba.njit(lambda: 1)()\n"
+    run = {"env": {**os.environ, "PYTHONPATH": str(package.parent)}, "stdout": subprocess.PIPE, "text": True}
+    run["env"].pop("NUMBA_CACHE_DIR", None)
+    with alone(package / "__pycache__" / "cable_ros.lock", "somewhere.outer.outer"):
+        both = [subprocess.Popen([sys.executable, "-c", code], **run) for code in (CALL, count + CALL)]
+        with pytest.raises(subprocess.TimeoutExpired):
+            both[1].wait(timeout=5.0)
+    said = sorted(process.communicate()[0].split() for process in both)
+    assert said == [["21.0", "compiled"], ["21.0", "loaded"]]
+    assert call(package) == (21.0, "kept")
+
+
+def test_kept_code_is_found_by_another_way_to_it(package, tmp_path):
+    """As in a workspace that links to it."""
+    assert call(package) == (21.0, "compiled")
+    (tmp_path / "link").symlink_to(package.parent)
+    assert call(tmp_path / "link" / package.name) == (21.0, "kept")
 
 
 def test_code_of_a_callee_is_not_kept_again(package):
