@@ -4,6 +4,7 @@
 # make test-fast   under a minute, without ROS: at every save
 # make test-noble   what a robot with Ubuntu 24.04 runs, with the versions that it has; needs Python 3.12. Not in
 #             .ci/run: a second environment and ten minutes are more than there is time for
+# make robot   the README's commands for a robot beside Ubuntu 24.04's packages, told in build/robot.txt; needs Python 3.12
 # make node_modules   npm's reader of logs, which a test wants; it skips without
 # Another Python: make PYTHON=/path/to/python3.12 setup
 
@@ -29,16 +30,22 @@ FAST_TESTS := test/linalg test/solve test/scene test/rod test/effects test/conta
 WORKERS := 2
 # A test that hangs where no signal reaches it, in compiled code or the middleware, ends its process and is told.
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --durations 25 -o faulthandler_exit_on_timeout=true
-COMPILE := $(BIN)/python -m cable_ros.cli.main compile
+COMPILE := $(BIN)/python -m cable_ros.cli.main compile --jobs 1
 
 # Ubuntu 24.04's packages; but matplotlib, 3.6.3 there, has no wheel for Python 3.12 before 3.8, and Numba is the
 # oldest that runs on 3.12. Pinocchio is the newest that takes this NumPy.
 NOBLE ?= .venv-noble
 NOBLE_STAMP := $(NOBLE)/.installed
-NOBLE_PINS := numpy==1.26.4 scipy==1.11.4 matplotlib==3.8.0 PyYAML==6.0.1 numba==0.59.1 llvmlite==0.42.0 \
+NOBLE_NUMBA := numba==0.59.1 llvmlite==0.42.0
+NOBLE_PINS := numpy==1.26.4 scipy==1.11.4 matplotlib==3.8.0 PyYAML==6.0.1 \
 	pytest==7.4.4 pytest-timeout==2.2.0 hypothesis==6.98.15 tqdm==4.66.2
-NOBLE_OTHERS := 'mcap>=1.5' rosbags pin==2.7.0 ros-jazzy-rclpy==7.1.6 ros-jazzy-common-interfaces==5.3.6 \
+NOBLE_ROS := pin==2.7.0 ros-jazzy-rclpy==7.1.6 ros-jazzy-common-interfaces==5.3.6 \
 	'ros-rclpy[fastrtps]==7.1.6' ros-rmw-fastrtps-cpp==8.4.3 ros-sensor-msgs==5.3.6 ros-ament-index-python==1.8.1
+NOBLE_OTHERS := $(NOBLE_NUMBA) 'mcap>=1.5' rosbags $(NOBLE_ROS)
+# What a robot has before the README's first command: neither Numba nor mcap.
+ROBOT ?= .venv-robot
+ROBOT_STAMP := $(ROBOT)/.installed
+ROBOT_OTHERS := $(NOBLE_ROS) colcon-common-extensions colcon-ros setuptools==68.1.2
 NOBLE_TESTS := test/ros test/scene test/log test/test_closed_forms.py test/test_joint.py test/test_tracker.py \
 	test/test_requirements.py test/drawing/test_figures.py test/cli/test_plot.py test/cli/test_solve.py
 
@@ -53,7 +60,7 @@ find_python = for python in $(PYTHON) python3 python3.12 python3.11 python3.13 p
 	"$$python" -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
 	2>/dev/null && { command -v "$$python"; break; }; done; true
 
-.PHONY: setup test test-fast test-noble lint docs demo clean
+.PHONY: setup test test-fast test-noble robot lint docs demo clean
 
 setup: $(STAMP)
 
@@ -97,14 +104,17 @@ test: lint docs node_modules
 test-fast: setup
 	$(PYTEST) -q $(FAST_TESTS)
 
-$(NOBLE_STAMP): Makefile
+$(NOBLE_STAMP) $(ROBOT_STAMP): Makefile
 	@python=$$(command -v $(or $(PYTHON),python3.12)); \
 	"$$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 12))' 2>/dev/null || \
-		{ echo "make test-noble needs Python 3.12: make PYTHON=/path/to/python3.12 test-noble" >&2; exit 1; }; \
-	"$$python" -m venv --clear $(NOBLE)
-	@printf '%s\n' $(NOBLE_PINS) > $(NOBLE)/pins.txt
-	$(NOBLE)/bin/python -m pip install --quiet --constraint $(NOBLE)/pins.txt $(NOBLE_PINS) $(NOBLE_OTHERS)
+		{ echo "this needs Python 3.12: make PYTHON=/path/to/python3.12 test-noble" >&2; exit 1; }; \
+	"$$python" -m venv --clear $(@D)
+	@printf '%s\n' $(NOBLE_PINS) $(NOBLE_NUMBA) > $(@D)/pins.txt
+	$(@D)/bin/python -m pip install --quiet --constraint $(@D)/pins.txt $(NOBLE_PINS) $(OTHERS)
 	@touch $@
+
+$(NOBLE_STAMP): OTHERS = $(NOBLE_OTHERS)
+$(ROBOT_STAMP): OTHERS = $(ROBOT_OTHERS)
 
 # Compiled first, as for `test`: a test gives a node too little time to compile all it needs.
 test-noble: export PYTHONPATH := $(CURDIR)
@@ -114,6 +124,10 @@ test-noble: $(NOBLE_STAMP)
 	@echo "Compiling with Ubuntu's versions: some minutes if the compiled files have changed"
 	$(NOBLE)/bin/python -m cable_ros.cli.main compile
 	$(NOBLE)/bin/python -m pytest -p no:cacheprovider --timeout 600 $(NOBLE_TESTS)
+
+robot: $(ROBOT_STAMP)
+	@mkdir -p build
+	set -o pipefail; .ci/robot $(ROBOT) build/robot 2>&1 | tee build/robot.txt
 
 demo: setup
 	@mkdir -p "$$ROS_LOG_DIR"

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from cable_ros.common.memory import give_back
@@ -92,6 +93,11 @@ _DRAWING = (
 )
 
 
+_ARM = "space_arm.yaml", (0.0, 0.5)
+_ARM_AND_BALL = "space_arm_sphere.yaml", (30.0, 44.0, 45.0, 75.0, 30.0)
+"""Scenes and angles, degrees: away from the ball, onto it, along it and back."""
+
+
 def warm_up(tracker: Tracker) -> None:
     """Get the code that the tracker's scene needs; it has solved nothing afterwards."""
     for value in (0.0, 0.01):
@@ -100,7 +106,7 @@ def warm_up(tracker: Tracker) -> None:
     if tracker.scene.obstacles or tracker.scene.cable_contact:
         rehearse_contact()
         if any(cable.axial_stiffness is not None for cable in tracker.scene.cables):
-            _solve(Tracker(load_scene(_PULLED)), {})
+            _rehearse_still(_PULLED)
             if any(obstacle.friction for obstacle in tracker.scene.obstacles):
                 _rehearse_drawn({"axial_stiffness": 1e4})
         if any(cable.shear_stiffness is not None for cable in tracker.scene.cables):
@@ -108,25 +114,39 @@ def warm_up(tracker: Tracker) -> None:
     give_back()  # the scenes of our own and what was read to load code are a quarter of a node's memory
 
 
-def rehearse_all() -> None:
-    """Get the code that any scene needs; without Pinocchio, that of cables without contact."""
+def rehearse_all(backwards: bool = False) -> None:
+    """Get the code that any scene needs; without Pinocchio, that of cables without contact.
+
+    Args:
+        backwards: begin with what comes last otherwise, for a second process beside a first.
+    """
     stretches = {"axial_stiffness": 1e3, "shear_stiffness": [1e3, 1e3], "limits": {"tension": 1.0}}
     (cable,) = _LOOSE["cables"]
-    for fields in ({}, stretches, {"end": cable["end"] | {"kind": "pinned"}}):
-        _solve(Tracker(load_scene(_LOOSE | {"cables": [cable | fields]})), {})
     beside = cable | {"name": "other", "end": cable["end"] | {"position": [0.3, 0.2, 0.8]}}
     pair = [one | {"outer_diameter": 0.001} for one in (cable, beside)]
-    _solve(Tracker(load_scene(_LOOSE | {"cable_contact": True, "cables": pair})), {})
-    _rehearse_arm("space_arm.yaml", (0.0, 0.5))
-    _solve(Tracker(load_scene(_PULLED)), {})
-    rehearse_contact()
-    _rehearse_drawn({"axial_stiffness": 1e4})
+    alone: tuple[dict[str, Any], ...] = ({}, stretches, {"end": cable["end"] | {"kind": "pinned"}})
+    rehearsals: list[Callable[[], None]] = [
+        *(partial(_rehearse_still, _LOOSE | {"cables": [cable | fields]}) for fields in alone),
+        partial(_rehearse_still, _LOOSE | {"cable_contact": True, "cables": pair}),
+        partial(_rehearse_arm, *_ARM),
+        partial(_rehearse_still, _PULLED),
+        partial(_rehearse_arm, *_ARM_AND_BALL),
+        partial(_rehearse_drawn, {}),
+        partial(_rehearse_drawn, {"axial_stiffness": 1e4}),
+    ]
+    for rehearse in reversed(rehearsals) if backwards else rehearsals:
+        rehearse()
 
 
 def rehearse_contact() -> None:
     """Get the code of contact: a robot shall not wait for it at the first touch."""
-    _rehearse_arm("space_arm_sphere.yaml", (30.0, 44.0, 45.0, 75.0, 30.0))
+    _rehearse_arm(*_ARM_AND_BALL)
     _rehearse_drawn({})
+
+
+def _rehearse_still(scene: dict[str, Any]) -> None:
+    """Solve a scene without joints."""
+    _solve(Tracker(load_scene(scene)), {})
 
 
 def _rehearse_drawn(fields: dict[str, Any]) -> None:

@@ -4,18 +4,26 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import multiprocessing
+import os
 import time
+from collections.abc import Iterator
 from typing import Any
 
 from cable_ros.cli._arguments import add_command
+from cable_ros.cli.sweep import cores
 from cable_ros.share import scene_path
 
+ROOM = 3e9
+"""Memory of a machine, bytes, from which on two processes compile: each takes up to 0.9 GB."""
 EXAMPLE = """examples:
   cable compile
   cable compile config/space_arm.yaml
 
-Run it as the user who will run the node, and again after an update. It is kept beside the package, or, if
-that cannot be written, in the user's cache folder; the environment variable NUMBA_CACHE_DIR names another."""
+colcon build does it by itself. Otherwise run it as the user who will run the node, and again after an
+update. It is kept beside the package, or, if that cannot be written, in the user's cache folder; the
+environment variable NUMBA_CACHE_DIR names another."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -34,6 +42,12 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         type=scene_path,
         help="scene file (YAML), or the bare name of an installed one (default: what any scene may need)",
     )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        choices=(1, 2),
+        help="processes for what any scene may need (default: 2 on a machine with two cores and 3 GB)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -45,7 +59,9 @@ def run(args: argparse.Namespace) -> int:
 
     what = "every effect" if args.scene is None else str(args.scene)
     if args.scene is None:
-        rehearse_all()
+        jobs = args.jobs or (2 if cores() > 1 and _memory() > ROOM else 1)
+        with _helped() if jobs > 1 else contextlib.nullcontext():
+            rehearse_all()
     else:
         scene = load_scene(args.scene)
         if scene.robot is not None and "<mesh" in scene.robot.urdf:
@@ -60,3 +76,41 @@ def run(args: argparse.Namespace) -> int:
     else:
         print(f"{what}: nothing to compile; loaded and tried in {seconds:.1f} s")
     return 0
+
+
+@contextlib.contextmanager
+def _helped() -> Iterator[None]:
+    """As soon as something is compiled, a second process begins at the other end of the work."""
+    from cable_ros.common.compile_watch import COMPILING
+
+    helper = multiprocessing.get_context("spawn").Process(target=_help, daemon=True)
+    tell = COMPILING.tell
+
+    def begin() -> None:
+        with contextlib.suppress(OSError):
+            helper.start()
+        if tell is not None:
+            tell()
+
+    COMPILING.tell = begin
+    try:
+        yield
+    finally:
+        if helper.pid is not None:
+            helper.terminate()
+            helper.join()
+
+
+def _help() -> None:
+    """What this process cannot do, the first one comes to as well, and tells."""
+    from cable_ros.warm_up import rehearse_all
+
+    with contextlib.suppress(Exception, KeyboardInterrupt):
+        rehearse_all(backwards=True)
+
+
+def _memory() -> float:
+    """Bytes of this machine; not known: more than enough."""
+    with contextlib.suppress(AttributeError, OSError, ValueError):
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    return float("inf")
