@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Build of cable_ros: an ament_python package for colcon, and a plain Python package for pip."""
 
+import os
+import subprocess
+import sys
+import tempfile
 from glob import glob
 
 from setuptools import find_packages, setup
+from setuptools.command.develop import develop
+from setuptools.command.install import install
 
 PACKAGE = "cable_ros"
 
@@ -29,8 +35,48 @@ MESH = ["trimesh>=4.5", "pycollada"]  # collision meshes of a URDF; pycollada fo
 
 CLUSTER = ["distributed"]  # brings dask of the same version
 
+
+def compile_ahead(folder):
+    """Compile the solver of the package in the folder, so that a robot's first start need not; never fail."""
+    if os.environ.get("CABLE_ROS_COMPILE") == "0":
+        return
+    print("compiling the solver, some minutes; CABLE_ROS_COMPILE=0 leaves it to the first start", flush=True)
+    path = os.pathsep.join([os.path.abspath(folder), os.environ.get("PYTHONPATH", "")])
+    with tempfile.TemporaryDirectory() as elsewhere:  # Python would take the sources in the folder it is in
+        done = subprocess.run(
+            [sys.executable, "-m", f"{PACKAGE}.cli.main", "compile"],
+            cwd=elsewhere,
+            env={"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path},
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    if done.returncode:
+        reason = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        print(f"built, but not compiled, which the first start will do: {reason}", file=sys.stderr)
+
+
+class Install(install):
+    """As colcon installs; what a wheel or a Debian package is made of has a `root`, and runs elsewhere."""
+
+    def run(self):
+        super().run()
+        if self.root is None and self.single_version_externally_managed:
+            compile_ahead(self.install_lib)
+
+
+class Develop(develop):
+    """As `colcon build --symlink-install` does."""
+
+    def run(self):
+        super().run()
+        if not self.uninstall:
+            compile_ahead(".")
+
+
 setup(
     name=PACKAGE,
+    cmdclass={"install": Install, "develop": Develop},
     version="0.1.0",
     description="What an externally mounted cable does to its robot, live: joint states in, wrench out",
     license="Apache-2.0",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,14 @@ atexit.register(shutil.rmtree, _ros_log, ignore_errors=True)
 
 # What `colcon test` runs: what can be otherwise on a robot, in minutes; with CABLE_ROS_TESTS=all everything.
 ROBOT = ("ros", "scene", "test_closed_forms.py", "test_joint.py", "test_tracker.py")
+if "COLCON" in os.environ:
+    # What was built, and compiled, is tested, not the sources in the folder that colcon starts pytest in.
+    sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != FOLDER.parent]
+    os.environ["PYTHONSAFEPATH"] = "1"
+    from cable_ros.common.requirements import missing
+
+    if sentence := missing():
+        pytest.exit(f"{sentence} && python $(which colcon) test", returncode=2)
 if "COLCON" in os.environ and os.environ.get("CABLE_ROS_TESTS") != "all":
     collect_ignore = [entry.name for entry in Path(__file__).parent.iterdir() if entry.name not in ROBOT]
 

@@ -17,10 +17,22 @@ import pytest
 from cable_ros.share import share_directory, share_file
 
 ROOT = Path(__file__).resolve().parent.parent
+BUILD = (sys.executable, "-m", "colcon", "build", "--paths")
 SOURCES = ("cable_ros", "config", "launch", "resource")
 EXECUTABLES = ("cable", "cable_node", "cable_replay")
 WHERE = (
     "from cable_ros import share; print(share.__file__); print(share.share_file('config', 'space_arm.yaml'))"
+)
+
+COMPILE_ONE = """
+
+def rehearse_all():
+    import numpy as np
+    from cable_ros.linalg.banded import multiply
+    multiply(np.eye(3), np.zeros(3), np.zeros(3))
+"""
+NEEDS_NUMBA = (
+    "import sys; from cable_ros.warm_up import rehearse_all; rehearse_all(); print('numba' in sys.modules)"
 )
 
 # What the environment of a sourced ROS would say, and what the package must find out without.
@@ -56,20 +68,20 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def workspace(source: Path, clean: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A colcon workspace with the package built in it."""
+def underlay(clean: dict[str, str]) -> dict[str, str]:
+    """The environment of a sourced ROS."""
     pytest.importorskip("colcon_core", reason="colcon is not installed")
     pytest.importorskip("colcon_ros", reason="colcon's ROS extensions are not installed")
+    ros = {"AMENT_PREFIX_PATH": sys.prefix, "ROS_DISTRO": "jazzy"}
+    return clean | ros | {"ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3"}
+
+
+@pytest.fixture(scope="module")
+def workspace(source: Path, underlay: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A colcon workspace with the package built in it."""
     base = tmp_path_factory.mktemp("workspace")
-    underlay = {
-        "AMENT_PREFIX_PATH": sys.prefix,
-        "ROS_DISTRO": "jazzy",
-        "ROS_VERSION": "2",
-        "ROS_PYTHON_VERSION": "3",
-        "COLCON_LOG_PATH": str(base / "log"),
-    }
-    build = (sys.executable, "-m", "colcon", "build", "--paths", source)
-    run(*build, cwd=base, env=clean | underlay)
+    env = underlay | {"COLCON_LOG_PATH": str(base / "log"), "CABLE_ROS_COMPILE": "0"}
+    run(*BUILD, source, cwd=base, env=env)
     return base
 
 
@@ -95,6 +107,42 @@ def test_colcon_workspace_is_an_ament_prefix(workspace: Path, clean: dict[str, s
     for folder in ("config", "launch"):
         ours = {p.name for p in (ROOT / folder).glob("*") if p.is_file()}
         assert {p.name for p in (prefix / "share" / "cable_ros" / folder).glob("*")} == ours
+
+
+@pytest.fixture
+def quick(source: Path, tmp_path: Path) -> Path:
+    """A copy of the sources in which to compile everything is to compile one function."""
+    copy = tmp_path / "cable_ros"
+    shutil.copytree(source, copy)
+    with (copy / "cable_ros" / "warm_up.py").open("a") as file:
+        file.write(COMPILE_ONE)
+    return copy
+
+
+@pytest.mark.parametrize("how", [(), ("--symlink-install",)])
+def test_colcon_compiles_where_it_installs(
+    quick: Path, underlay: dict[str, str], clean: dict[str, str], tmp_path: Path, how: tuple[str, ...]
+) -> None:
+    env = {name: value for name, value in underlay.items() if name != "NUMBA_CACHE_DIR"}
+    run(*BUILD, quick, *how, cwd=tmp_path, env=env)
+    said = (tmp_path / "log" / "latest_build" / "cable_ros" / "stdout.log").read_text()
+    assert "compiling the solver, some minutes; CABLE_ROS_COMPILE=0 leaves it" in said
+    env = {name: value for name, value in clean.items() if name != "NUMBA_CACHE_DIR"}
+    assert in_workspace(tmp_path, env, sys.executable, "-c", NEEDS_NUMBA) == "False\n"
+    run(*BUILD, quick, *how, cwd=tmp_path, env=underlay)
+    said = (tmp_path / "log" / "latest_build" / "cable_ros" / "stdout.log").read_text()
+    assert "nothing to compile" in said
+
+
+def test_a_build_without_numba_says_so_and_goes_on(
+    quick: Path, underlay: dict[str, str], tmp_path: Path
+) -> None:
+    with (quick / "cable_ros" / "common" / "requirements.py").open("a") as file:
+        file.write('FROM_PIP["numba_is_not_here"] = "numba"\n')
+    run(*BUILD, quick, cwd=tmp_path, env=underlay)
+    said = (tmp_path / "log" / "latest_build" / "cable_ros" / "stderr.log").read_text()
+    (line,) = (line for line in said.splitlines() if "not compiled" in line)
+    assert "the Python package 'numba_is_not_here' is missing" in line
 
 
 def test_colcon_executables_run(workspace: Path, clean: dict[str, str]) -> None:
@@ -154,6 +202,7 @@ def test_pip_installs_the_share_files(source: Path, clean: dict[str, str], tmp_p
     assert Path(shared) == target / "share" / "cable_ros" / "config" / "space_arm.yaml"
     assert (target / "cable_ros" / "py.typed").is_file()
     assert {p.name for p in (target / "bin").iterdir()} >= set(EXECUTABLES)
+    assert not list(target.rglob("*.code"))  # a wheel goes to other machines
 
 
 def test_this_environment_has_the_commands() -> None:
