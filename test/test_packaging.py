@@ -143,6 +143,13 @@ def test_a_build_without_numba_says_so_and_goes_on(
     said = (tmp_path / "log" / "latest_build" / "cable_ros" / "stderr.log").read_text()
     (line,) = (line for line in said.splitlines() if "not compiled" in line)
     assert "the Python package 'numba_is_not_here' is missing" in line
+    (quick / "test").mkdir(exist_ok=True)
+    shutil.copy(ROOT / "test" / "conftest.py", quick / "test")
+    test = (sys.executable, "-m", "colcon", "test", "--paths", quick)
+    done = subprocess.run(test, cwd=tmp_path, env=underlay, capture_output=True, check=False)
+    assert done.returncode
+    said = (tmp_path / "log" / "latest_test" / "cable_ros" / "stdout_stderr.log").read_text()
+    assert "the Python package 'numba_is_not_here' is missing" in said
 
 
 def test_colcon_executables_run(workspace: Path, clean: dict[str, str]) -> None:
