@@ -96,7 +96,9 @@ def _helped() -> Iterator[None]:
     try:
         yield
     finally:
-        if helper.pid is not None:
+        if helper.pid is None:
+            COMPILING.tell = tell
+        else:
             helper.terminate()
             helper.join()
 

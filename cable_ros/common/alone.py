@@ -18,8 +18,8 @@ except ImportError:  # on Windows, where nobody waits
 
 PAUSE = 0.02
 """Time between two tries, s."""
-PATIENCE = 300.0
-"""Longest wait, s: a process that is stopped, not ended, keeps what it has locked."""
+PATIENCE = 900.0
+"""Longest wait, s, above what a slow machine takes: a process that is stopped, not ended, keeps its locks."""
 
 
 @contextlib.contextmanager
