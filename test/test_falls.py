@@ -47,6 +47,20 @@ def test_a_cable_slides_off_at_the_same_place_however_the_path_is_told(
         assert np.linalg.norm(end - ends[0]) < SAME * np.linalg.norm(ends[0])
 
 
+def test_no_last_digit_picks_the_side() -> None:
+    """A planar cable falls out of its plane: which way is not for the 12th digit of its joints to say."""
+    case, ends = drawn_case(108, 6, 1e-4), []
+    for change in (0.0, 1e-12, -1e-12):
+        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+        path = [{name: value + change for name, value in joints.items()} for joints in case.path]
+        found = [tracker.arrive(joints)["cable"] for joints in path]
+        assert abs(found[0].end_wrench[1]) < 1e-6  # across the plane
+        ends.append(found[1].end_wrench)
+    assert np.abs(ends[0][1]) > 0.1
+    for end in ends[1:]:
+        assert np.abs(end - ends[0]).max() < 1e-3 * np.abs(ends[0]).max()
+
+
 def test_energy_only_falls(monkeypatch: pytest.MonkeyPatch) -> None:
     """What friction and the medium take out of the cable comes from its energy."""
     energies: list[list[float]] = []

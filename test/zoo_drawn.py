@@ -207,9 +207,11 @@ FOUND = {
     (110, 28): "a short patch on a rough table, samples of which stick and slip in turn",
     (111, 9): "over thin smooth beams, both edges of each",
     (111, 51): "a rough lift in four poses",
+    (111, 33): "a light cable on a rough table: in short steps it needs no grid",
     (112, 28): "a heavy cable over two smooth beams: it stands off a face beside its edge",
     (112, 51): "a heavy cable over two rough beams: no start arrived",
     (113, 2): "along a smooth wall: a contact at the end of a long element is flat beside",
+    (113, 59): "across a rough edge: in short steps it needs no grid",
     (114, 42): "a ball pushed up: in one step, or in many, a fork is taken to the same side",
     (114, 49): "over two rough beams, cold: found as a light cable that is loaded",
     (115, 131): "a loop slides up over an edge, whose contact lets go and alone held it",
@@ -220,6 +222,7 @@ FOUND = {
     (116, 81): "across a rough beam on a grid: how deep its edge cuts in",
     (116, 277): "a heavy cable over two smooth beams, cold: found as a light one that is loaded",
     (117, 7): "in a rough corner: a contact all but flat slides, and begins to lie",
+    (117, 15): "along a rough edge: in short steps it needs no grid",
     (117, 98): "over rough beams: the cable slides off ever faster, and falls",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""

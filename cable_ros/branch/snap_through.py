@@ -13,6 +13,7 @@ from cable_ros.branch.cold_start import Conditions, Found, settled
 from cable_ros.branch.mirror_image import by_rule
 from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import warm_step
+from cable_ros.rod.initial_shapes import aside
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.solve.trust_region import Options
@@ -38,6 +39,9 @@ SNAP_WORK = 90_000.0
 """Minimum budget of a snap-through: without it no call would get past a fold."""
 AHEAD = 100.0
 """Number of steps along the path to where a bifurcating branch is looked for, and a fall leads first."""
+PUSH = 1e-7
+"""Rotation of the sections with which it begins, rad: of two mirror images always the same one, whatever the
+12th digit of the joints."""
 BEYOND = 2e-4
 """Motion of clamps and obstacles beyond a fold, L, in which a cable with friction falls."""
 DESCENT = Options(radius=0.1, largest_radius=0.3, iterations=400)
@@ -202,7 +206,8 @@ def fall_with_friction(
     energy, twist = rod.linearize(q, F)[0], float(rod.totals[TWIST])
     spare = max(SNAP_WORK - rod.work, 0.0)
     rod.work += spare
-    fallen = rod.fall_with_friction(q, F, there.qe, there.re, there.f, there.obstacles)
+    begin = rod.on_end(aside(q, rod.mesh.nodes, PUSH))
+    fallen = rod.fall_with_friction(begin, F, there.qe, there.re, there.f, there.obstacles)
     rod.work -= spare
     if fallen is None:
         return None

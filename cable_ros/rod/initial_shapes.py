@@ -197,14 +197,14 @@ def along(
     return spin(q, nodes, base + 2.0 * np.pi * np.round((centre - base) / (2.0 * np.pi)))
 
 
-def aside(q: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Frames q (n, 4) turned a little, such that the cable bulges towards SIDE of each section's axes.
+def aside(q: np.ndarray, nodes: np.ndarray, size: float = ASIDE) -> np.ndarray:
+    """Frames q (n, 4) turned by `size`, rad, such that the cable bulges towards SIDE of each section's axes.
 
     A descent from a symmetric shape then takes a side that rounding cannot choose.
     """
     # tangents towards SIDE in the first half and back in the second: a bulge
     axis = np.array([-SIDE[1], SIDE[0], 0.0])
-    wave = ASIDE * np.sin(2.0 * np.pi * nodes)[:, None] * axis
+    wave = size * np.sin(2.0 * np.pi * nodes)[:, None] * axis
     out = np.empty_like(q)
     quaternion.retract(q, wave.ravel(), out)
     return out
