@@ -28,9 +28,9 @@ SHORTEST = 1e-4
 """Minimum step, as a fraction of the longest: if it fails, the branch ends."""
 BEYOND = 0.02
 """Minimum step out of reach, as a fraction of the longest: it is not halved further."""
-FALLBACK_LYING, FALLBACK = 0.005, 1e-3
+FALLBACK_LYING, FALLBACK_CREEPING, FALLBACK = 0.005, 0.05, 1e-3
 """Minimum step, as a fraction of the longest, before a rod that fails is replaced: one that lies along an
-obstacle with friction, and any other, which mostly arrives in small steps."""
+obstacle with friction, one that stretches there, too, and any other, which mostly arrives in small steps."""
 FALLBACK_POINTS = 1e-6
 """The same of a rod on contact points whose step is only too large: beside a clamp a point lifts off within a
 very small step."""
@@ -179,7 +179,8 @@ def continue_branch(
                 continue
         soft = rod.lies and force < TAUT  # a grid does not resolve how a taut cable bends
         spent = (given if soft else last) - rod.work
-        smallest, most = (FALLBACK_LYING, lying_work) if soft else (FALLBACK, FALLBACK_WORK * given)
+        lying = FALLBACK_CREEPING if rod.compliance.any() else FALLBACK_LYING
+        smallest, most = (lying, lying_work) if soft else (FALLBACK, FALLBACK_WORK * given)
         if code == warm_step.TOO_FAR and not soft:
             smallest = FALLBACK_POINTS
         # without friction a cable snaps on this mesh as well as on a grid of contacts
