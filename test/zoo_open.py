@@ -29,7 +29,7 @@ DRAWN = {
     (96, 125): "a tray, dragged along: it slides 5e-4 of its length the way its friction pushes",
     (100, 22): "a lift falls over beside its clamp, in one step",
     (100, 32): "an edge on a grid: 3.6e-5 of the length inside",
-    (101, 2): "a lift led aside: what sticks has moved 4e-3 of the length",
+    (101, 2): "a rough lift leaves the ground at its clamp: reported from there on",
     (101, 6): "a hose of 201 poses: the direction of slip settles late; had, and too slow",
     (102, 38): "a weightless cable that turns freely meets a slot",
     (103, 23): "a lift on a grid slides 2e-3 of the length the way its friction pushes",
@@ -74,6 +74,8 @@ DRAWN = {
     (120, 20): "a lift that lies on the ground in full, led aside: a grid's error is too large for 34 poses",
     (120, 29): "a rough ball, told in 4 times as many poses: 2.1 %",
     (120, 38): "a loop that touches itself, on a rough table: which way it forks depends on the steps",
+    (121, 37): "across a rough edge: a grid's error is too large for 8 poses",
+    (121, 50): "a rough lift in five poses, told in 4 times as many: 6 %",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 
