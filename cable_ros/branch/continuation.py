@@ -196,9 +196,10 @@ def continue_branch(
             rod.patience = 0
         if fallback is not None and not folding and (hard or not stable):
             fallen = None
-            if falls < FALLS and far < FALL:
+            if falls < FALLS and (far < FALL or not (stable or rod.lies)):
                 falls += 1
-                fallen = fall_with_friction(rod, q, F, path, at, step, partial(_travel, rod))
+                first = step if stable else SHORTEST * longest  # it has already passed the branch's end
+                fallen = fall_with_friction(rod, q, F, path, at, first, partial(_travel, rod))
             if fallen is not None:
                 found, snap, at = fallen
                 snaps.append(snap)
