@@ -192,6 +192,7 @@ FOUND = {
     (101, 53): "across a rough table: a contact all but flat begins to lie",
     (102, 11): "heavy rough beams, both edges of each",
     (103, 18): "a light cable turned on a smooth table, which it all but touches beside the edge",
+    (102, 38): "a weightless cable that is free to turn meets a slot",
     (104, 44): "a loop over a bar snaps as the ground lets it go",
     (105, 36): "a light cable between two rollers all but leaves one",
     (106, 19): "a stiff loop over a thin beam, which soft springs let through",
@@ -224,6 +225,7 @@ FOUND = {
     (117, 7): "in a rough corner: a contact all but flat slides, and begins to lie",
     (117, 15): "along a rough edge: in short steps it needs no grid",
     (117, 98): "over rough beams: the cable slides off ever faster, and falls",
+    (122, 23): "a buckled cable that is free to turn is led aside: the path leaves it one place",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (

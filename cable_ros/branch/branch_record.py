@@ -20,6 +20,7 @@ ALIKE = 1e-2
 MOST_REPORTED = 3
 """Maximum number of snap-throughs that one message describes."""
 BY_RULE = ", to the side of two mirror images that a rule takes, not the robot"
+TURNED = ", where it was free to turn"
 FORKED = "; its branch forked at {:.4g} % of the step" + BY_RULE + "."
 REMEDY = (
     "It is known again once the cable touches nothing and has no other equilibrium near, or once every "
@@ -148,7 +149,7 @@ class BranchRecord:
         parts = [
             f"total twist {s.twist_before:.3f} -> {s.twist_after:.3f} rad,"
             f" energy {s.energy_before * unit:.4g} -> {s.energy_after * unit:.4g} J"
-            f" at {100 * s.at:.4g} % of the step{BY_RULE if s.crossed else ''}"
+            f" at {100 * s.at:.4g} % of the step{TURNED if s.turned else ''}{BY_RULE if s.crossed else ''}"
             for s in self.snaps
         ]
         before = f"{self.earlier} times before; " if self.earlier else ""

@@ -78,9 +78,14 @@ class SnapThrough:
     """Whether a stable branch leaves it there, which the cable is on now."""
 
     @property
+    def turned(self) -> bool:
+        """Whether the cable was free to turn there, and the path leaves it one of the places to turn to."""
+        return not self.crossed and self.margin < FREE_TO_TURN
+
+    @property
     def folded(self) -> bool:
         """Whether the branch lost stability there: the margin went to 0, and at a fold the energy fell."""
-        if self.crossed or self.margin < FREE_TO_TURN:
+        if self.crossed or self.turned:
             return True
         return self.margin <= SMALL and self.to_fold <= FOLD and self.energy_after < self.energy_before
 
@@ -108,6 +113,9 @@ def snap_and_record(
     if found is None:
         end = min(1.0, at + step)
         found = snap_through(rod, q, F, path(end))
+    if found is None and margin < FREE_TO_TURN:
+        # what little of the path changes the energy by turning is told from rounding further on
+        found, end = _fall(rod, q, F, path, (min(1.0, at + AHEAD * step), 1.0), rod.minimum)
     if found is None and rod.touches and not (rod.remembers or rod.frictional):
         found, end = _fall(rod, q, F, path, (min(1.0, at + AHEAD * step), 1.0))
     if found is None:
@@ -172,7 +180,12 @@ def snap_through(
 
 
 def _fall(
-    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], ends: Sequence[float]
+    rod: Rod,
+    q: np.ndarray,
+    F: np.ndarray,
+    path: Callable[[float], Conditions],
+    ends: Sequence[float],
+    descend: Descent | None = None,
 ) -> tuple[Found | None, float]:
     """`snap_through` by `Rod.fall` at the first of these fractions of the path where it arrives; which one.
 
@@ -182,7 +195,7 @@ def _fall(
         spare = max(SNAP_WORK - rod.work, 0.0)
         rod.work += spare
         rod.refactor(q, F)  # the descent before may have changed the mesh
-        found = snap_through(rod, q, F, path(end), rod.fall)
+        found = snap_through(rod, q, F, path(end), descend or rod.fall)
         rod.work -= spare
         if found is not None:
             break

@@ -12,6 +12,7 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.gap_search import far, minimum_beside, scan
 from cable_ros.contact.interfaces import SHARPER, at_edge, gap_at, lowest, sharpest_at
 from cable_ros.contact.patch_ends import settle
@@ -183,13 +184,19 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                 slope = np.nan
                 continue
             s, slope = minimum_beside(shape, samples, k, obstacles[o], slope)
-            if s < 0.0:
+            # on a rough surface Newton's method does not find how a patch so short slips: it stays a point
+            smooth, grazes = obstacles[o, FRICTION_COEFFICIENT] == 0.0, False
+            if s < 0.0 and not smooth:
                 continue
-            value, _, _ = gap_at(shape, s, obstacles[o], at)
+            value = 0.0
+            if s >= 0.0:
+                value, _, _ = gap_at(shape, s, obstacles[o], at)
             if value >= -depth and (k == 1 or k == m - 2):
-                # a point in the clamp's cell is one minimum, a dip between it and the clamp another
+                # a point in the clamp's cell is one minimum, a dip between it and the clamp another, of which
+                # slopes may show nothing
                 clamp = 0.0 if k == 1 else 1.0
                 s, value = between_clamp(shape, clamp, points, count, o, spacing, obstacles[o])
+                grazes = smooth and value < -GRAZES
                 value = min(value, -2.0 * depth) if value < -GRAZES else 0.0
             if value >= -depth or (value > -(RESTING**2) and min(s, 1.0 - s) < RESTING):
                 continue
@@ -203,8 +210,10 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             near = nearest(points, count, o, s, APART * spacing)
             ends = near >= 0 and points[near, KIND] != POINT
             beside = ends or (near >= 0 and abs(points[near, ARC_LENGTH] - s) < BESIDE * spacing)
-            if beside and max(value, rise_between(shape, points[near, ARC_LENGTH], s, obstacles[o])) >= -give:
-                continue
+            if beside and not grazes:
+                rise = rise_between(shape, points[near, ARC_LENGTH], s, obstacles[o])
+                if max(value, rise) >= -give:
+                    continue
             if ends and points[near, NUMBER] >= MOVES:
                 continue
             if ends:
