@@ -225,6 +225,7 @@ FOUND = {
     (117, 7): "in a rough corner: a contact all but flat slides, and begins to lie",
     (117, 15): "along a rough edge: in short steps it needs no grid",
     (117, 98): "over rough beams: the cable slides off ever faster, and falls",
+    (122, 2): "a lift that lies up to its clamp, which leaves the ground: all at once, so does the cable",
     (122, 23): "a buckled cable that is free to turn is led aside: the path leaves it one place",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""

@@ -104,7 +104,7 @@ def continue_branch(
     step: float = 0.25, longest: float = 1.0,
     fallback: Callable[[Rod, np.ndarray, np.ndarray], NodalRod | None] | None = None,
     farthest: float = np.inf, lying_work: float = FALLBACK_LYING_WORK,
-    taut_force: float = VERY_TAUT,
+    taut_force: float = VERY_TAUT, may_turn: bool = False,
 ) -> Continuation:  # fmt: skip
     """Continue the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
@@ -123,6 +123,7 @@ def continue_branch(
         farthest: maximum displacement of clamps and obstacles in one step, L.
         lying_work: maximum work before a rod that lies along an obstacle with friction is replaced.
         taut_force: end force from which the branch is known to be taut, EI / L^2.
+        may_turn: whether a cable that is free to turn may turn as the path goes on, not at once.
     """
     at, iterations = 0.0, 0
     snaps: list[SnapThrough] = []
@@ -226,7 +227,7 @@ def continue_branch(
                 margins.append((at, rod._softest() if lets_go else 0.0))
             spare = max(SNAP_WORK - rod.work, 0.0)
             rod.work += spare
-            snapped = snap_and_record(rod, q, F, path, step, margins, tolerance, crossed)
+            snapped = snap_and_record(rod, q, F, path, step, margins, tolerance, crossed, may_turn)
             rod.work -= spare
             if snapped is None:
                 rod.set_conditions(*here)

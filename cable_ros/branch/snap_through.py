@@ -92,14 +92,14 @@ class SnapThrough:
 
 def snap_and_record(
     rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], step: float,
-    margins: list[tuple[float, float]], tolerance: float, crossed: bool,
+    margins: list[tuple[float, float]], tolerance: float, crossed: bool, may_turn: bool = False,
 ) -> tuple[Found, SnapThrough, float] | None:  # fmt: skip
     """`snap_through` from the factored equilibrium (q, F) at the end of the step: with its record, and where.
 
     First a branch is looked for that bifurcates, a little further along the path.
 
     `margins`: fractions of the path and stability margins there, last those of (q, F); `crossed`: whether the
-    margin is known to be negative at the end of the step.
+    margin is known to be negative at the end of the step; `may_turn`: as in `continue_branch`.
     """
     at, margin = margins[-1]
     touched = bool(rod.contact_force().any()) and not rod.remembers
@@ -113,7 +113,7 @@ def snap_and_record(
     if found is None:
         end = min(1.0, at + step)
         found = snap_through(rod, q, F, path(end))
-    if found is None and margin < FREE_TO_TURN:
+    if found is None and may_turn and margin < FREE_TO_TURN:
         # what little of the path changes the energy by turning is told from rounding further on
         found, end = _fall(rod, q, F, path, (min(1.0, at + AHEAD * step), 1.0), rod.minimum)
     if found is None and rod.touches and not (rod.remembers or rod.frictional):

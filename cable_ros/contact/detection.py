@@ -16,7 +16,7 @@ from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.gap_search import far, minimum_beside, scan
 from cable_ros.contact.interfaces import SHARPER, at_edge, gap_at, lowest, sharpest_at
 from cable_ros.contact.patch_ends import settle
-from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, make_patch, sample
+from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, make_patch, rests, sample
 from cable_ros.contact.points import (
     APART,
     ARC_LENGTH,
@@ -172,7 +172,9 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             changed = True
         else:
             i += 1
-    settled, count = settle(c, h, s0, points, count, spacing, obstacles, depth)
+    settled, left, count = settle(c, h, s0, points, count, spacing, obstacles, depth)
+    if left:  # how the cable dips beside the clamp that pulls it off says nothing of where it lies
+        return True, count
     changed = changed or settled
     m = samples.shape[0]
     scan(c, h, s0, samples, obstacles, phi)
@@ -260,11 +262,7 @@ def between_clamp(shape, clamp, points, count, o, spacing, obstacle):
         obstacle: (WIDTH,).
     """
     i = nearest(points, count, o, clamp, 2.0 * spacing)
-    if (
-        i < 0
-        or points[i, KIND] != POINT
-        or not grounded(shape.c, shape.grid.h, shape.grid.s0, obstacle, clamp)
-    ):
+    if i < 0 or points[i, KIND] != POINT or not rests(shape.c, shape.grid.h, shape.grid.s0, obstacle, clamp):
         return clamp, 0.0
     s = 0.5 * (clamp + points[i, ARC_LENGTH])
     value, _, _ = gap_at(shape, s, obstacle, surface())

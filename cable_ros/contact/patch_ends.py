@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import INNER, njit
-from cable_ros.contact.patches import SAMPLES, WEIGHTS, cover, grounded, sample_place
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
+from cable_ros.contact.patches import SAMPLES, WEIGHTS, cover, grounded, rests, sample_place
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -218,7 +219,7 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
         depth: penetration that does not count, L.
 
     Returns:
-        Whether any have changed, and the number of points.
+        Whether any have changed, whether one has left a clamp, and the number of points.
     """
     changed, count = shrink(points, count, spacing, 5.0 * depth)
     merged, count = merge(points, count, spacing)
@@ -239,8 +240,8 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
             points[i, ARC_LENGTH] += (-0.5 if kind == FIRST else 0.5) * min(spacing, abs(s - edge))
             changed = True
         i += 1
-    lifted, count = lift_off(points, count, h, s0, spacing, obstacles.shape[0])
-    return changed or lifted, count
+    lifted, left, count = lift_off(points, count, c, h, s0, spacing, obstacles)
+    return changed or lifted, left, count
 
 
 @njit(**INNER)
@@ -259,24 +260,21 @@ def clear(points, count, o, low, high):
 
 
 @njit(**INNER)
-def lift_off(points, count, h, s0, spacing, obstacles):
-    """Remove the samples that pull; a patch ends where several do.
+def lift_off(points, count, c, h, s0, spacing, obstacles):
+    """Remove the samples that pull; a patch ends where several do, and where it leaves a lifted clamp.
 
-    Args:
-        points, count: as in `move_ends`.
-        h, s0, spacing: (m,) of `Grid`, and of the samples, L.
-        obstacles: their number.
+    Arguments as in `settle`.
 
     Returns:
-        Whether there were any, and the number of points.
+        Whether there were any, whether a patch has left a clamp, and the number of points.
     """
-    changed = False
+    changed, left = False, False
     size = SAMPLES * h.shape[0]
-    covered = np.empty((obstacles, size), np.bool_)
+    covered = np.empty((obstacles.shape[0], size), np.bool_)
     cover(points, count, h, s0, covered)
     presses = np.empty(size, np.bool_)
     pulls = np.empty(size, np.bool_)
-    for o in range(obstacles):
+    for o in range(obstacles.shape[0]):
         presses[:], pulls[:] = False, False
         i = 0
         while i < count:
@@ -288,6 +286,13 @@ def lift_off(points, count, h, s0, spacing, obstacles):
                     continue
                 presses[int(points[i, NUMBER])] = True
             i += 1
+        for clamp in (0.0, 1.0):
+            # on a rough surface the friction of what is dropped would be missed at once
+            smooth = obstacles[o, FRICTION_COEFFICIENT] == 0.0
+            if smooth and not rests(c, h, s0, obstacles[o], clamp):
+                reach, before = 2.0 * spacing, count
+                count = leave_clamp(points, count, o, h, s0, clamp, reach, covered[o], presses, pulls)
+                left = left or count < before
         g = 0
         while g < size:
             if not covered[o, g] or presses[g]:
@@ -308,7 +313,38 @@ def lift_off(points, count, h, s0, spacing, obstacles):
             count = lift(
                 points, count, o, 0.5 * (sample_place(first, h, s0) + sample_place(g - 1, h, s0)), low, high
             )
-    return changed, count
+    return changed, left, count
+
+
+@njit(**INNER)
+def leave_clamp(points, count, o, h, s0, clamp, reach, covered, presses, pulls):
+    """Drop the samples up to a clamp that pulls them off: what presses among those that pull is a ripple.
+
+    Args:
+        points, count, o: as in `lift`.
+        h, s0: (m,) of `Grid`.
+        clamp: its arc length, 0 or 1.
+        reach: distance, L, within which what pulls is the clamp's doing, or that of what pulls beside it.
+        covered, presses, pulls: (SAMPLES * m,) whether a sample is in a patch, presses, and pulls; of those
+            that are dropped only the last is overwritten.
+
+    Returns:
+        The number of points.
+    """
+    size = covered.shape[0]
+    farthest, end, step = clamp, (0 if clamp == 0.0 else size - 1), (1 if clamp == 0.0 else -1)
+    g = end
+    while 0 <= g < size and covered[g] and abs(sample_place(g, h, s0) - farthest) < reach:
+        if pulls[g]:
+            farthest = sample_place(g, h, s0)
+        g += step
+    if farthest == clamp:
+        return count
+    g = end
+    while 0 <= g < size and abs(sample_place(g, h, s0) - clamp) <= abs(farthest - clamp):
+        presses[g] = False
+        g += step
+    return clear(points, count, o, min(farthest, clamp), max(farthest, clamp))
 
 
 @njit(**INNER)

@@ -27,7 +27,7 @@ from cable_ros.contact.points import (
     add,
     remove,
 )
-from cable_ros.rod.centreline import position
+from cable_ros.rod.centreline import derivative, position
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -39,6 +39,8 @@ NODES, WEIGHTS = 0.5 * (1.0 + _NODES), 0.5 * _WEIGHTS
 """(SAMPLES,) the Gauss rule on [0, 1]."""
 CLAMPED = 1e-8
 """Maximum gap, L, at which a clamp is on a surface."""
+ALONG = 1e-5
+"""Maximum slope, rad, at which it is along the surface."""
 
 
 @njit(**OPTIONS)
@@ -231,6 +233,16 @@ def grounded(c, h, s0, obstacle, s):
     r, n = np.empty(3), np.empty(3)
     position(c, h, s0, s, r)
     return gap(obstacle, r, n, np.empty((2, 3)), np.empty(2)) < CLAMPED
+
+
+@njit(**INNER)
+def rests(c, h, s0, obstacle, s):
+    """Whether a clamp is on the obstacle's surface and along it; arguments as in `grounded`."""
+    r, dr, n = np.empty(3), np.empty(3), np.empty(3)
+    position(c, h, s0, s, r)
+    derivative(c, h, s0, s, dr)
+    value = gap(obstacle, r, n, np.empty((2, 3)), np.empty(2))
+    return value < CLAMPED and abs(n[0] * dr[0] + n[1] * dr[1] + n[2] * dr[2]) < ALONG
 
 
 @njit(**INNER)

@@ -13,7 +13,7 @@ TURN = 0.3
 FRICTION_STEP, CONTACT_STEP = 0.02, 0.1
 """Longest step, lengths, of a cable among obstacles, with friction and without: friction depends on the path
 between two poses, which is taken to be straight."""
-POINTS_CHANGE, LYING_CHANGE = 0.04, 0.12
+POINTS_CHANGE, LYING_CHANGE = 0.03, 0.12
 """Maximum change in a step of the friction of what slips, relative to all possible friction, where the cable
 touches at points alone, and where it lies: within a step slip has one direction. With twice as much, wrenches
 differed by 1 to 2 % from those of finer steps; where it lies, shorter steps fail more often."""
