@@ -25,6 +25,7 @@ from cable_ros.branch.coupling import (
 from cable_ros.branch.landing import INSIDE, caught, faced, let_go, touches
 from cable_ros.branch.loose_ends import LooseEnd
 from cable_ros.branch.loose_piece import LoosePiece
+from cable_ros.branch.prediction import Step
 from cable_ros.branch.shared_piece import Kept, SharedPiece
 from cable_ros.rod import quaternion
 from cable_ros.scene import Cable, Kinematics
@@ -87,7 +88,10 @@ class Balance:
         self.state: Shared | None = None
         self._joints = self._origin = np.empty(0)
         self._kept: list[Kept] = []
-        self._before: tuple[np.ndarray, Shared] | None = None  # the step before the last, for extrapolation
+        self._steps: tuple[Step, ...] = ()  # the last two, the latest first
+        # corrections below the tolerance, not made: of the state that was found last, and of the present one
+        self._left: np.ndarray | float = 0.0
+        self._missed: np.ndarray | float = 0.0
         self._slides = np.zeros(len(self._guides), int)
         self._faces: list[tuple[int, bool] | None] = [None] * len(self.loose)  # number, and whether it lies
         self._wound = 1.0  # part of the given moments that acts
@@ -107,6 +111,11 @@ class Balance:
     def rubbing(self) -> bool:
         """Whether one of its pieces touches something with friction."""
         return any(piece.rubbing for piece in self.pieces)
+
+    @property
+    def _comparable(self) -> bool:
+        """Whether the last two steps are along the same axes: slip turns, and so do a loose end's axes."""
+        return not (self.rubs or self.loose)
 
     @property
     def arcs(self) -> np.ndarray:
@@ -144,8 +153,12 @@ class Balance:
 
     def _accept(self, joints: np.ndarray, state: Shared) -> None:
         if self.state is not None:
-            self._before = self._joints, self.state
-        self._joints, self.state = joints, state
+            step = Step(joints - self._joints, self.state.step_to(state) + self._left - self._missed)
+            if not self._comparable:
+                self._steps = (step,)
+            elif step.joints.any():
+                self._steps = step, *self._steps[:1]
+        self._joints, self.state, self._missed = joints, state, self._left
         self._keep()
 
     def _keep(self) -> None:
@@ -251,6 +264,7 @@ class Balance:
         if state is None:
             return None
         tolerance = EXACT * self.pieces[0].tolerance
+        self._left = 0.0
         size, rate, rubs = np.inf, SLOW, self.rubs
         age = ITERATIONS  # number of steps since the tangent was made
         last = np.empty(0), np.empty(0)  # the step before and the residual from which it was made
@@ -286,6 +300,7 @@ class Balance:
                 continue
             size = new
             if new <= tolerance:
+                self._left = step if self._comparable else 0.0
                 return state
             state, age, last = state.moved(step), age + 1, (step, residual)
             if self.loose:

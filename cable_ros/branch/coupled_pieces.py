@@ -19,9 +19,10 @@ from cable_ros.branch.crossing_cable import CrossingCable
 from cable_ros.branch.landing import with_tip
 from cable_ros.branch.loose_ends import ALONG, LooseEnd, loose_ends
 from cable_ros.branch.loose_piece import LoosePiece
+from cable_ros.branch.prediction import predicted
 from cable_ros.branch.released import Released
 from cable_ros.branch.rubbing_cable import RubbingCable
-from cable_ros.branch.shared_piece import Place, SharedPiece, onward
+from cable_ros.branch.shared_piece import Place, SharedPiece
 from cable_ros.branch.snap_through import FREE_TO_TURN
 from cable_ros.branch.tracked_equilibrium import FREE
 from cable_ros.equilibrium import Equilibrium, Status
@@ -148,8 +149,9 @@ class CoupledPieces(Released):
                 assert self.state is not None
                 for piece in self.pieces:
                     piece.has_come_to(joints)
-                self._accept(joints, self.state)
-                self._before = None
+                # the path that led here is one of another joint, too
+                self._joints, self._steps = joints, ()
+                self._keep()
                 return True
         self.state = None
         return False
@@ -249,14 +251,12 @@ class CoupledPieces(Released):
         return sum(piece.worked for piece in self.pieces)
 
     def _extrapolated(self, joints: np.ndarray) -> Shared:
-        """The state there if it goes on as in the last step."""
+        """The state there if it goes on as in the last steps."""
         assert self.state is not None
-        if self._before is None:
+        change = predicted(self._steps, joints - self._joints)
+        if change is None:
             return self.state
-        ratio = onward(self._before[0], self._joints, joints)
-        if ratio == 0.0:
-            return self.state
-        change = ratio * self._before[1].step_to(self.state)
+        change = change + self._missed
         change[~self.free] = 0.0
         return self.state.moved(change)
 

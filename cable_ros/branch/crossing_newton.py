@@ -10,7 +10,8 @@ import numpy as np
 
 from cable_ros.branch.crossing_balance import CrossedTangent, is_minimum
 from cable_ros.branch.crossing_cable import CrossingCable, Remembered, Touch
-from cable_ros.branch.shared_piece import Place, onward
+from cable_ros.branch.prediction import onward
+from cable_ros.branch.shared_piece import Place
 from cable_ros.contact.crossing import FREEDOMS, Closest, Spacer, candidates, closest
 from cable_ros.contact.overlaps import SPACING
 from cable_ros.scene import Kinematics
@@ -309,7 +310,7 @@ class CrossingNewton:
         """The spacers there if they go on as in the last step."""
         if self._before is None or not self.spacers or self._joints is None:
             return self.spacers
-        ratio = onward(self._before[0], self._joints, joints)
+        ratio = onward(self._joints - self._before[0], joints - self._joints)
         if ratio == 0.0:
             return self.spacers
         return [

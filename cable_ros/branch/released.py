@@ -128,7 +128,7 @@ class Released(Balance):
         if found is None or not self._stable(joints, mounts, found):
             return False
         self._accept(joints, found)
-        self._before = None
+        self._steps = ()
         return True
 
     def _snap(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> bool:
@@ -150,7 +150,7 @@ class Released(Balance):
             piece.rub(True)
         if found is not None:
             self._accept(joints, found)
-            self._before = None
+            self._steps = ()
         return found is not None
 
     def _lifted(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> bool:
@@ -165,7 +165,7 @@ class Released(Balance):
         found = self._newton(kinematics, joints, mounts, self._faced(kinematics, joints, self.state))
         if found is not None and not any(self._faces) and self._stable(joints, mounts, found):
             self._accept(joints, found)
-            self._before = None
+            self._steps = ()
             return True
         self._faces, self._inverse, self._judged_at = faces, None, None
         self._return()
@@ -200,7 +200,7 @@ class Released(Balance):
         """The stable equilibrium that a descent from the last one ends at; None: none was found."""
         assert self.state is not None
         state, kept = self._leant(kinematics, joints, mounts, self.state), self._kept
-        self._inverse = self._judged_at = self._before = None
+        self._inverse, self._judged_at, self._steps = None, None, ()
         if self._kept and self._move(kinematics, joints, mounts, state, fall=True, held=True) is None:
             return None
 

@@ -48,20 +48,6 @@ LENGTHENED = 1e-3
 """Relative change of the length after which a piece is judged again, also if no section has turned."""
 
 
-def onward(before: np.ndarray, last: np.ndarray, joints: np.ndarray) -> float:
-    """A step in the joints over the one before it if it goes on the same way, at most twice as far; else 0.
-
-    Args:
-        before, last, joints: (n,) joint values before both steps, between them, and after.
-    """
-    first, step = last - before, joints - last
-    size = float(first @ first)
-    ratio = float(first @ step) / size if size > 0.0 else 0.0
-    if not 0.0 < ratio <= 2.0 or np.abs(step - ratio * first).max() > 0.1 * np.abs(step).max():
-        return 0.0
-    return ratio
-
-
 class Place(NamedTuple):
     """Where a piece is held, and how long it is."""
 
