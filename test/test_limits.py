@@ -155,7 +155,7 @@ def test_on_a_drum_it_is_bent_as_the_drum_is(tolerance):
     """Rod over a drum of 0.15 m, whose radius is that of the centreline there: no span is bent more."""
     steps, _ = tracker(CASES["draped"], tolerance)
     (tracked,) = steps._tracked_cables
-    nothing = Obstacles(np.zeros((0, WIDTH)), ())
+    nothing = Obstacles(np.zeros((0, WIDTH)), np.zeros((0, 7)), ())
     radius, *_ = extremes(tracked.rod, tracked.q, tracked._F, STILL, tracked._units, CableLimits(), nothing)()
     # Of the moment the parts of the pressure leave 1e-4; exact ones would leave the wrench's tolerance.
     assert radius.value == pytest.approx(RADIUS, rel=2e-4)
@@ -170,7 +170,7 @@ def test_on_a_grid_of_contacts_they_converge_to_those_of_exact_contact(shape):
         assert exact is not None
         found, expected = (
             np.array([one.value for one in extremes(
-                of, q, F, STILL, Units(1.0, 1.0), CableLimits(), Obstacles(of.obstacles, ["it"])
+                of, q, F, STILL, Units(1.0, 1.0), CableLimits(), Obstacles(of.obstacles, STILL[None], ["it"])
             )()[:3]])
             for of, q, F in ((rod, rod.shape, rod.end_force), (exact.rod, exact.q, exact.F))
         )  # fmt: skip
@@ -324,3 +324,23 @@ def test_a_soft_cable_is_bent_and_placed_as_its_frames_say():
     assert torsion.value == pytest.approx(np.abs(strain[:, 2] - 0.2).max(), rel=1e-4)
     # The wrenches have the force along the tangents of both clamps.
     assert tension.value >= max(found.start_wrench[2], -found.end_wrench[2]) - 1e-9
+
+
+@pytest.mark.parametrize("aside", [-0.1, 0.12])
+def test_of_pieces_between_clips_the_worst_is_that_of_one_alone(aside):
+    """A piece is looked at closely only where it may be the worst: none is left out that is."""
+    clips = [
+        {"name": f"clip_{k}", "clip": {"arc_length": s, "position": [x, 0.0, z], "rpy": [0.0, turn, 0.0]}}
+        for k, (s, x, z, turn) in enumerate([(0.3, 0.06, 0.28, 0.3), (0.6, aside, 0.5, -0.4)])
+    ]
+    ball = {"name": "ball", "sphere": {"center": [0.2, 0.1, 0.4], "radius": 0.03}}
+    found = solved({"position": [0.1, 0.1, 0.8], "rpy": [0.2, 0.5, 0.4]}, obstacles=[ball], supports=clips,
+                   gravity=[0.0, 0.0, -9.81], linear_density=0.3)  # fmt: skip
+    pieces = [piece.extremes for piece in found.pieces]
+    for k, one in enumerate(found.extremes):
+        values = [own[k].value for own in pieces]
+        i = values.index(min(values) if one.quantity.least else max(values))
+        assert one.value == values[i]
+        np.testing.assert_array_equal(one.position, pieces[i][k].position)
+        assert one.arc_length == pieces[i][k].arc_length + (0.0, 0.3, 0.6)[i]
+        assert one.obstacle == pieces[i][k].obstacle

@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from cable_ros.contact.clearance import clearance
+from cable_ros.contact.distance import placed
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.limits import QUANTITIES, Extreme
@@ -19,7 +20,7 @@ from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import integrals, reference_element
 from cable_ros.rod.kirchhoff import NO_LINES, Rod
-from cable_ros.rod.resultants import CURVATURE, TENSION, TWIST, Law, Loads, Shape, centreline, largest
+from cable_ros.rod.resultants import CURVATURE, centreline, largest, survey
 from cable_ros.rod.units import Units
 from cable_ros.scene.cable_limits import CableLimits
 
@@ -29,11 +30,14 @@ there, 4 one of 1e-4."""
 NO_ARC_LENGTHS = np.zeros(0)
 
 
-class Obstacles(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Obstacles:
     """The obstacles of a scene."""
 
-    placed: np.ndarray
-    """(n, WIDTH) as `distance.placed` makes them."""
+    local: np.ndarray
+    """(n, WIDTH) in the frames of their links, SI; see `distance.placed`."""
+    links: np.ndarray
+    """(n, 7) these links in the world."""
     names: Sequence[str]
 
 
@@ -41,26 +45,22 @@ def extremes(
     rod: Rod, q: np.ndarray, F: np.ndarray, start: np.ndarray, unit: Units, limits: CableLimits,
     obstacles: Obstacles,
 ) -> Reading:  # fmt: skip
-    """Computes `Equilibrium.extremes` when called; from copies, since the rod changes.
+    """Computes `Equilibrium.extremes` when called; from copies of what the rod changes.
 
     Args:
-        rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,).
+        rod, q, F: at an equilibrium, with its nodal frames (n, 4) and end force (3,), which it keeps.
         start: (7,) the start clamp in the world, m, quaternion x y z w.
         unit: of the cable.
         limits: of the cable.
         obstacles: of the scene, whether or not contact is among the effects.
     """
-    loads = Loads(F.copy(), quaternion.rotate(q[-1], rod.g[-1]), rod.f.copy(), *point_forces(rod, q))
-    compliance = rod.compliance
-    mesh = rod.h.copy(), rod.s0.copy(), rod.mesh.element.order
-    law = Law(rod.K, rod.natural)
+    compliance, c = rod.compliance, None
     if compliance.any() and isinstance(rod, TouchingRod | NodalRod) and rod.touches:
         c = rod.centreline(q, F)
-        judge = partial(_judged, q.copy(), mesh, law, c, loads, start.copy(), unit, limits, obstacles)
-        return Reading(judge)
-    return Reading(
-        partial(_found, q.copy(), mesh, law, compliance, loads, start.copy(), unit, limits, obstacles)
-    )
+    loads = F, rod.g[-1].copy(), rod.f, *point_forces(rod, q)
+    mesh = rod.h.copy(), rod.s0.copy(), rod.mesh.element.order
+    law = rod.K, rod.natural.copy()
+    return Reading(q, mesh, law, compliance, loads, start, unit, limits, obstacles, c)
 
 
 def point_forces(rod: Rod, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -83,83 +83,126 @@ def point_forces(rod: Rod, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(arc_lengths[order]), np.ascontiguousarray(forces[order])
 
 
-def _found(
-    q: np.ndarray, mesh: tuple[np.ndarray, np.ndarray, int], law: Law, compliance: np.ndarray, loads: Loads,
-    start: np.ndarray, unit: Units, limits: CableLimits, obstacles: Obstacles,
-) -> Judged:  # fmt: skip
-    h, s0, order = mesh
-    values, primitives, _ = integrals(order)
-    points = reference_element(order, len(values)).points
-    c = np.empty((len(h), len(values) + 1, 3))
-    centreline(q, loads.F, loads.f, compliance, h, s0, values, points, primitives, c)
-    return _judged(q, mesh, law, c, loads, start, unit, limits, obstacles)
-
-
-def _judged(
-    q: np.ndarray, mesh: tuple[np.ndarray, np.ndarray, int], law: Law, c: np.ndarray, loads: Loads,
-    start: np.ndarray, unit: Units, limits: CableLimits, obstacles: Obstacles,
-) -> Judged:  # fmt: skip
-    """As `_found`, on the centreline with the coefficients c (m, g + 1, 3)."""
-    h, s0, order = mesh
-    found = largest(Shape(q, h, s0, reference_element(order).nodes, c), law, loads).tolist()
-    least, at, which = clearance(c, h, s0, obstacles.placed)
-    curvature, tension, twist = found[CURVATURE], found[TENSION], found[TWIST]
-    worst = (
-        (unit.length / curvature[0] if curvature[0] > 0.0 else math.inf, curvature[1]),
-        (tension[0] * unit.force, tension[1]),
-        (twist[0] / unit.length, twist[1]),
-        (least * unit.length, at),
-    )
-    return Judged(worst, (c, h, s0), start, unit, limits, obstacles.names[which] if least < math.inf else "")
-
-
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """What `limits.QUANTITIES` are at their worst along one rod."""
+class Reading:
+    """A rod at an equilibrium, whose extremes are computed when they are asked for."""
 
-    worst: tuple[tuple[float, float], ...]
-    """Of each the value, SI, and the arc length, L."""
-    curve: tuple[np.ndarray, np.ndarray, np.ndarray]
-    """As `centreline.position` takes it."""
+    q: np.ndarray
+    """(n, 4) nodal frames."""
+    mesh: tuple[np.ndarray, np.ndarray, int]
+    """(m,) lengths of the elements, (m,) arc lengths at which they start, L, and their order."""
+    law: tuple[np.ndarray, np.ndarray]
+    """Fields of `resultants.Law`."""
+    compliance: np.ndarray
+    """(3,) of shear and axial strain."""
+    loads: tuple[np.ndarray, ...]
+    """Fields of `resultants.Loads`, but the end moment along the end frame's axes."""
     start: np.ndarray
     """(7,) the start clamp in the world, m, quaternion x y z w."""
     unit: Units
     limits: CableLimits
-    nearest: str
-    """The obstacle to which the clearance is least."""
-
-    def extreme(self, k: int, before: float = 0.0) -> Extreme:
-        """Of quantity k, on a cable of which a length `before`, m, comes before this rod."""
-        quantity, (value, s) = QUANTITIES[k], self.worst[k]
-        r, at = np.full(3, np.nan), math.nan
-        if math.isfinite(value):
-            position(*self.curve, s, r)
-            r = self.start[:3] + self.unit.length * quaternion.matrix_from_ros(self.start[3:]) @ r
-            at = s * self.unit.length + before
-        near = self.nearest if quantity.name == "clearance" else ""
-        return Extreme(quantity, float(value), at, r, getattr(self.limits, quantity.name), near)
-
-
-class Reading:
-    """The extremes of a rod, computed when they are asked for."""
-
-    def __init__(self, judge: Callable[[], Judged]) -> None:
-        self._judge = judge
+    obstacles: Obstacles
+    centreline: np.ndarray | None
+    """(m, g + 1, 3) coefficients; None: those of the frames."""
 
     @cached_property
-    def judged(self) -> Judged:
-        """The worst of each quantity."""
-        return self._judge()
+    def shape(self) -> tuple[Any, ...]:
+        """Fields of `resultants.Shape`."""
+        (h, s0, order), c = self.mesh, self.centreline
+        if c is None:
+            values, primitives, _ = integrals(order)
+            points = reference_element(order, len(values)).points
+            c = np.empty((len(h), len(values) + 1, 3))
+            F, _, f, _, _ = self.loads
+            centreline(self.q, F, f, self.compliance, h, s0, values, points, primitives, c)
+        return self.q, h, s0, reference_element(order).nodes, c
+
+    @cached_property
+    def _balance(self) -> tuple[np.ndarray, ...]:
+        """Fields of `resultants.Loads`."""
+        F, M, *others = self.loads
+        return F, quaternion.rotate(self.q[-1], M), *others
+
+    @cached_property
+    def _samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """What `resultants.survey` finds."""
+        _, h, _, nodes, _ = self.shape
+        samples = np.empty((len(h) + len(self.loads[3]), 2 * len(nodes) + 1, 3))
+        least = np.empty(3)
+        survey(self.shape, self.law, self._balance, samples, least)
+        return samples, least
+
+    @cached_property
+    def _scale(self) -> np.ndarray:
+        """(3,) what takes squared curvature, tension and twist to SI units."""
+        unit = self.unit
+        return np.array([unit.length**-2, unit.force, 1.0 / unit.length])
+
+    @property
+    def least(self) -> np.ndarray:
+        """(3,) squared curvature, tension and twist that are reached somewhere, SI."""
+        return self._samples[1] * self._scale
+
+    def largest(self, least: np.ndarray) -> list[list[float]]:
+        """Largest curvature, tension and twist, SI, and their arc lengths, L.
+
+        Those that may be above `least` (3,), SI, of the squared curvature; see `resultants.largest`.
+        """
+        out = np.empty((3, 2))
+        samples = self._samples[0]
+        largest(self.shape, self.law, self._balance, samples, least / self._scale, out)
+        found: list[list[float]] = out.tolist()
+        for row, scale in zip(
+            found, (1.0 / self.unit.length, self.unit.force, 1.0 / self.unit.length), strict=True
+        ):
+            row[0] *= scale
+        return found
+
+    def clearance(self, most: float) -> tuple[float, float, int]:
+        """Least distance from the obstacles, m, its arc length, L, and which one it is; see `clearance`."""
+        beside = self.obstacles
+        _, h, s0, _, c = self.shape
+        obstacles = placed(beside.local, beside.links, self.start, self.unit.length)
+        least, at, which = clearance(c, h, s0, obstacles, most / self.unit.length)
+        return least * self.unit.length, at, which
+
+    def extreme(self, k: int, value: float, s: float, obstacle: str, before: float) -> Extreme:
+        """Of quantity k, at the arc length s, L; a length `before`, m, of the cable comes before the rod."""
+        quantity = QUANTITIES[k]
+        r, at = np.full(3, np.nan), math.nan
+        if math.isfinite(value):
+            _, h, s0, _, c = self.shape
+            position(c, h, s0, s, r)
+            r = self.start[:3] + self.unit.length * self._axes @ r
+            at = s * self.unit.length + before
+        return Extreme(quantity, value, at, r, getattr(self.limits, quantity.name), obstacle)
+
+    @cached_property
+    def _axes(self) -> np.ndarray:
+        """(3, 3) of the start clamp, world, in columns."""
+        return quaternion.matrix_from_ros(self.start[3:])
 
     def __call__(self) -> tuple[Extreme, ...]:
-        return tuple(self.judged.extreme(k) for k in range(len(QUANTITIES)))
+        return worst_of([self], [0.0])
 
 
 def worst_of(readings: Sequence[Reading], cuts: Sequence[float]) -> tuple[Extreme, ...]:
-    """Of a cable whose pieces are these rods, which begin at the arc lengths `cuts`, m."""
-    out = []
-    for k, quantity in enumerate(QUANTITIES):
-        values = [one.judged.worst[k][0] for one in readings]
-        i = values.index(min(values) if quantity.least else max(values))
-        out.append(readings[i].judged.extreme(k, cuts[i]))
-    return tuple(out)
+    """Of a cable whose pieces are these rods, which begin at the arc lengths `cuts`, m.
+
+    A piece is looked at closely only where it may be worse than all others.
+    """
+    least = np.max([one.least for one in readings], axis=0)
+    worst = [(0.0, 0.0, 0), (-math.inf, 0.0, 0), (0.0, 0.0, 0)]  # value, arc length, and which piece
+    nearest, at, where, which = math.inf, 0.0, 0, 0
+    for i, one in enumerate(readings):
+        for k, (value, s) in enumerate(one.largest(least)):
+            if value > worst[k][0]:
+                worst[k] = value, s, i
+        value, s, obstacle = one.clearance(nearest)
+        if value < nearest:
+            nearest, at, where, which = value, s, i, obstacle
+    curvature, s, i = worst[CURVATURE]
+    worst[CURVATURE] = 1.0 / curvature if curvature > 0.0 else math.inf, s, i
+    out = [readings[i].extreme(k, value, s, "", cuts[i]) for k, (value, s, i) in enumerate(worst)]
+    name = readings[where].obstacles.names[which] if nearest < math.inf else ""
+    return (*out, readings[where].extreme(len(worst), nearest, at, name, cuts[where]))

@@ -23,7 +23,6 @@ from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.extremes import Obstacles, Reading, extremes
 from cable_ros.branch.snap_through import FREE_TO_TURN, SnapThrough
 from cable_ros.common.backoff import Backoff
-from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_contacts import MOST
 from cable_ros.contact.nodal_rod import NodalRod
@@ -392,7 +391,7 @@ class TrackedEquilibrium(CableModel):
             start: (7,) the start clamp in the world.
         """
         assert self._rod is not None
-        beside = Obstacles(placed(obstacles, links, start, self._units.length), self._names)
+        beside = Obstacles(obstacles, links, self._names)
         return extremes(self._rod, self._q, self._F, start, self._units, limits, beside)
 
     @property

@@ -26,8 +26,10 @@ def distance(obstacle, c, h, s0, s, work):
 
 
 @njit(**OPTIONS)
-def clearance(c, h, s0, obstacles):
+def clearance(c, h, s0, obstacles, most):
     """Least distance from the obstacles (n, WIDTH), the arc length where it is, and which obstacle's it is.
+
+    Only one below `most`, the least that is known elsewhere, is looked for; infinite if there is none.
 
     What is too far away to hold a smaller distance, by its length, is left out, as is an interval whose ends
     are; the smallest of the samples of all others is refined by golden sections between its neighbours. Two
@@ -36,8 +38,7 @@ def clearance(c, h, s0, obstacles):
     """
     best, at, which = np.inf, 0.0, 0
     work, ends = np.empty((5, 3)), np.empty(COARSE + 1)
-    wide, step = 1.0 / COARSE, 1.0 / (COARSE * FINE)
-    most = np.inf  # a distance that is there somewhere
+    wide, step, known = 1.0 / COARSE, 1.0 / (COARSE * FINE), most
     for o in range(obstacles.shape[0]):
         for i in range(0, COARSE + 1, COARSE // 4):
             most = min(most, distance(obstacles[o], c, h, s0, i * wide, work))
@@ -78,6 +79,6 @@ def clearance(c, h, s0, obstacles):
                 right = distance(obstacles[o], c, h, s0, v, work)
         if left < near:
             near, at_s = left, u
-        if near < best:
+        if near < min(best, known):
             best, at, which = near, at_s, o
     return best, at, which

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.rod.centreline import curve, lagrange, position
 from cable_ros.rod.extensible_kernels import axes
 
@@ -270,16 +270,49 @@ def search(shape, law, f, balance, e, begin, end, work, samples, least, out):
 
 
 @njit(**OPTIONS)
-def largest(shape, law, loads):
-    """Largest bending curvature, tension, and twist beyond the natural one: (3, 2), value and arc length.
+def survey(shape, law, loads, samples, least):
+    """Sample the fields along the rod, for `largest`.
 
-    Between two point forces of an element the fields are smooth: of 2 order + 1 samples each, those that may
-    hold the largest value are refined by golden sections. Both sides of a point force count.
+    Between two point forces of an element they are smooth: there are 2 order + 1 samples of each such part.
+
+    Args:
+        shape, law, loads: fields of `Shape`, `Law` and `Loads`, as plain tuples.
+        samples: (m + k, 2 order + 3, 3) receives squared bending curvature, tension and elastic twist.
+        least: (3,) receives the largest of them.
+    """
+    least[:] = -np.inf
+    sweep(Shape(*shape), Law(*law), Loads(*loads), samples, least, np.empty((3, 2)), False)
+
+
+@njit(**OPTIONS)
+def largest(shape, law, loads, samples, least, out):
+    """Largest bending curvature, tension, and twist beyond the natural one.
+
+    Of the samples those that may hold a value above `least` are refined by golden sections. Both sides of a
+    point force count.
+
+    Args:
+        shape, law, loads, samples: as in `survey`, which has been called.
+        least: (3,) that of `survey`; or of several rods', where only what is largest of all is asked for.
+        out: (3, 2) receives values and arc lengths; without any that may exceed `least`, 0 and for the
+            tension minus infinity.
+    """
+    out[:] = 0.0
+    out[TENSION, 0] = -np.inf
+    sweep(Shape(*shape), Law(*law), Loads(*loads), samples, least, out, True)
+    out[CURVATURE, 0] = np.sqrt(out[CURVATURE, 0])
+
+
+@njit(**INNER)
+def sweep(shape, law, loads, samples, least, out, refining):
+    """Go along the rod, from one point force or end of an element to the next: `sample`, or `search`.
 
     Args:
         shape, law, loads: `Shape`, `Law` and `Loads`.
+        samples, least, out: as in `survey` and `largest`.
+        refining: whether to `search`.
     """
-    _, h, s0, nodes, c = shape
+    _, h, s0, _, c = shape
     F, M, f, arc_lengths, forces = loads
     elements, top = h.shape[0], c.shape[1]
     balance = Balance(np.zeros((elements + 1, 3)), M.copy(), F.copy())
@@ -289,7 +322,7 @@ def largest(shape, law, loads):
             tails[e, a] = tails[e + 1, a]
             for k in range(top):
                 tails[e, a] += h[e] * c[e, k, a] / (k + 1)
-    r = np.empty(3)
+    r, work = np.empty(3), np.empty((5, 4))
     position(c, h, s0, 1.0, r)
     add_cross(r, F, 1.0, lever)
     for i in range(arc_lengths.shape[0]):
@@ -297,30 +330,20 @@ def largest(shape, law, loads):
         add_cross(r, forces[i], 1.0, lever)
         for a in range(3):
             force[a] += forces[i, a]
-    whole_lever, whole_force = lever.copy(), force.copy()
-    work = np.empty((5, 4))
-    samples = np.empty((elements + arc_lengths.shape[0], 2 * nodes.shape[0] + 1, 3))
-    least, out = np.full(3, -np.inf), np.zeros((3, 2))
-    out[:, 0] = -np.inf
-    out[CURVATURE, 0] = out[TWIST, 0] = 0.0
-    for refining in (False, True):
-        lever[:], force[:] = whole_lever, whole_force
-        at = 0
-        for e in range(elements):
-            begin, last = 0.0, False
-            while not last:
-                last = at == arc_lengths.shape[0] or arc_lengths[at] >= s0[e] + h[e]
-                end = 1.0 if last else min(max((arc_lengths[at] - s0[e]) / h[e], begin), 1.0)
-                if end > begin and refining:
-                    search(shape, law, f, balance, e, begin, end, work, samples[e + at], least, out)
-                elif end > begin:
-                    sample(shape, law, f, balance, e, begin, end, work, samples[e + at], least)
-                if not last:
-                    position(c, h, s0, arc_lengths[at], r)
-                    add_cross(r, forces[at], -1.0, lever)
-                    for a in range(3):
-                        force[a] -= forces[at, a]
-                    begin = end
-                    at += 1
-    out[CURVATURE, 0] = np.sqrt(out[CURVATURE, 0])
-    return out
+    at = 0
+    for e in range(elements):
+        begin, last = 0.0, False
+        while not last:
+            last = at == arc_lengths.shape[0] or arc_lengths[at] >= s0[e] + h[e]
+            end = 1.0 if last else min(max((arc_lengths[at] - s0[e]) / h[e], begin), 1.0)
+            if end > begin and refining:
+                search(shape, law, f, balance, e, begin, end, work, samples[e + at], least, out)
+            elif end > begin:
+                sample(shape, law, f, balance, e, begin, end, work, samples[e + at], least)
+            if not last:
+                position(c, h, s0, arc_lengths[at], r)
+                add_cross(r, forces[at], -1.0, lever)
+                for a in range(3):
+                    force[a] -= forces[at, a]
+                begin = end
+                at += 1

@@ -38,7 +38,7 @@ def sampled(c: np.ndarray, h: np.ndarray, s0: np.ndarray, bodies: np.ndarray) ->
 
 def check(name: str, bodies: np.ndarray) -> None:
     curve_of = centreline(name)
-    found, at, which = clearance(*curve_of, bodies)
+    found, at, which = clearance(*curve_of, bodies, np.inf)
     expected, nearest = sampled(*curve_of, bodies)
     # The distance changes by no more than the arc length: a sample misses the least by half a step at most.
     assert expected - 0.5 / (COUNT - 1) <= found <= expected + 1e-12
@@ -66,4 +66,4 @@ def test_of_many_at_once(seed):
 
 
 def test_of_nothing_it_is_infinite():
-    assert clearance(*centreline(NAMES[0]), shapes()["box"][None][:0])[0] == np.inf
+    assert clearance(*centreline(NAMES[0]), shapes()["box"][None][:0], np.inf)[0] == np.inf

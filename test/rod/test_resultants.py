@@ -14,7 +14,7 @@ from cable_ros.rod import quaternion
 from cable_ros.rod.units import Units
 from cable_ros.scene.cable_limits import CableLimits
 
-NOTHING = Obstacles(np.zeros((0, WIDTH)), ())
+NOTHING = Obstacles(np.zeros((0, WIDTH)), np.zeros((0, 7)), ())
 
 
 def worst(found: Found) -> np.ndarray:
