@@ -14,7 +14,7 @@ import numpy as np
 
 from cable_ros.branch import effect_selection
 from cable_ros.branch.coupled_pieces import coupled_pieces, kinds
-from cable_ros.branch.pieces import joined, shares
+from cable_ros.branch.pieces import Span, joined, shares, spans
 from cable_ros.branch.results import failed
 from cable_ros.branch.rubbing_cables import crossed_cables
 from cable_ros.common.compile_watch import GETTING
@@ -79,6 +79,7 @@ class Tracker:
         for cable in self.scene.cables:
             begin = self._groups[-1].stop if self._groups else 0
             self._groups.append(range(begin, begin + len(cable.pieces)))
+        self._spans: dict[int, tuple[Span, int]] = {}  # by piece, of its `fractions`
         self._names = [cable.name for cable in self.scene.cables]
         self._whole = len(self._pieces) == len(self._names)  # no cable has clips
         self._share_points()
@@ -140,13 +141,15 @@ class Tracker:
 
     def _share(self, index: int) -> None:
         """Tell the pieces of a cable where their points are."""
-        group = self._groups[index]
+        group, count = self._groups[index], self._polyline_points
         if len(group) > 1:
-            for i, fractions in zip(group, shares(self._cuts(index), self._polyline_points), strict=True):
-                tracked = self._tracked_cables[i]
-                tracked.polyline_points = len(fractions)
-                if tracked.fractions is None or not np.array_equal(tracked.fractions, fractions):
-                    tracked.fractions = fractions  # another array is another table of where they are
+            cuts = self._cuts(index)
+            for i, span in zip(group, spans(cuts, count), strict=True):
+                tracked, known = self._tracked_cables[i], (span, count)
+                if tracked.fractions is None or self._spans.get(i) != known:
+                    # another array is another table of where they are
+                    tracked.fractions, self._spans[i] = span.fractions(cuts[-1], count), known
+                tracked.polyline_points = len(tracked.fractions)
 
     def _cuts(self, index: int) -> list[float]:
         """Arc lengths of start, supports and end of a cable at present, m."""
@@ -235,6 +238,7 @@ class Tracker:
             self._tracked_cables, self._coupled, self._crossed = unpack(snapshot)
         else:
             self._tracked_cables = unpack(snapshot)
+        self._spans.clear()
         for tracked in self._tracked_cables:
             tracked.tolerance, tracked.polyline_points = self._tolerance, self._polyline_points
         self._share_points()

@@ -27,7 +27,6 @@ from cable_ros.branch.loose_ends import LooseEnd
 from cable_ros.branch.loose_piece import LoosePiece
 from cable_ros.branch.prediction import Step
 from cable_ros.branch.shared_piece import Kept, SharedPiece
-from cable_ros.rod import quaternion
 from cable_ros.scene import Cable, Kinematics
 from cable_ros.scene.model import TUBE
 
@@ -75,6 +74,7 @@ class Balance:
         self._guides = np.array([support.slides for support in run.supports], bool)
         self._tubes = np.array([support.kind == TUBE for support in run.supports], bool)
         self._friction = np.array([support.friction for support in run.supports], float)
+        self._rough_guides = bool(self._friction.any())
         self._known_free: dict[bytes, np.ndarray] = {}  # by what slides
         self.loose = loose
         per = np.arange(PER) == PER - 1, np.arange(LOOSE) >= LOOSE // 2
@@ -219,7 +219,7 @@ class Balance:
             if found is not None and self._let_go(mounts, found):
                 guess, self._inverse = self._faced(kinematics, joints, found), None
                 continue
-            if found is None or not self._friction.any():
+            if found is None or not self._rough_guides:
                 break
             switched = self._switched(found, origin)
             if not switched.any():
@@ -234,15 +234,17 @@ class Balance:
 
     def _switched(self, found: Shared, origin: np.ndarray) -> np.ndarray:
         """(n,) which rings stick that slid, or slide that stuck; `origin` (n,): arc lengths before."""
-        excess, signs = self._excess()
-        switched = np.zeros(len(origin), bool)
-        for j in np.flatnonzero(self._guides & (self._friction > 0.0)):
-            if self._slides[j]:
-                # the cable slides towards its end, and less of it is before the ring
-                if self._slides[j] * (found.arcs[j] - origin[j]) > LEAST * self.run.length:
-                    self._slides[j], switched[j] = 0, True
-            elif excess[j] > (1.0 + HELD) * self._friction[j]:
-                self._slides[j], switched[j] = signs[j], True
+        switched, slides = np.zeros(len(origin), bool), self._slides
+        rough = self._guides & (self._friction > 0.0)
+        # the cable slides towards its end, and less of it is before the ring
+        switched |= rough & (slides * (found.arcs - origin) > LEAST * self.run.length)
+        stuck = rough & (slides == 0)
+        slides[switched] = 0
+        if stuck.any():
+            excess, signs = self._excess()
+            over = stuck & (excess > (1.0 + HELD) * self._friction)
+            slides[over] = signs[over]
+            switched |= over
         return switched
 
     def _excess(self) -> tuple[np.ndarray, np.ndarray]:
@@ -345,19 +347,16 @@ class Balance:
     def tangent(self, mounts: np.ndarray, state: Shared) -> CoupledTangent:
         """The linearised equations about the present equilibria of the pieces."""
         places = state.places(mounts, self.run.length)
-        pieces, loads = [], np.empty((len(places), 2, 3))
-        for i, (piece, place) in enumerate(zip(self.pieces, places, strict=True)):
-            own, section = (quaternion.matrices_from_ros(p[:, 3:].copy()) for p in (mounts[i], place.poses))
-            turns = own.transpose(0, 2, 1) @ section
-            pieces.append(Turned(piece.tangent(place.poses), turns))
-            loads[i] = piece.loads(place.poses)
+        pieces = [
+            Turned(piece.tangent(place.poses), own, place.poses, piece.weight)
+            for piece, own, place in zip(self.pieces, mounts.copy(), places, strict=True)
+        ]
         for end, tip in zip(self.loose, state.tips, strict=True):
             pieces[-end.which].at_loose_end(end, tip)
         ends: tuple[Ends, ...] = tuple(piece.ends() for piece in self.pieces)
         return CoupledTangent(
             tuple(pieces),
             ends,
-            loads,
             self._push,
             self.free,
             self._loose(mounts, state),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -102,7 +103,7 @@ class CoupledPieces(Released):
             if self._lost:
                 self.pieces[0].distrust(self._lost)
             return self._publish(kinematics, joints, mounts, "", begin, share)
-        route = [*self._waiting, joints] if self._friction.any() or self.rubs else [joints]
+        route = [*self._waiting, joints] if self._rough_guides or self.rubs else [joints]
         self._waiting, steps, snapped = [], 0, ""
         for piece in self.pieces:
             piece.worked = 0.0
@@ -165,11 +166,11 @@ class CoupledPieces(Released):
         """A sentence if its supports are too far apart, and which piece it is about; None if they are not."""
         if not (self.run.start.holds and self.run.end.holds):
             return None
-        chords = np.linalg.norm(mounts[:, 1, :3] - mounts[:, 0, :3], axis=1)
-        cuts = np.concatenate([[0.0], self.arcs, [self.run.length]])
-        fixed = [0, *(np.flatnonzero(~self._guides) + 1).tolist(), len(chords)]
+        chords = [math.dist(start[:3], end[:3]) for start, end in mounts.tolist()]
+        cuts = [0.0, *self.arcs.tolist(), self.run.length]
+        fixed = [0, *(j for j, slides in enumerate(self._guides.tolist(), 1) if not slides), len(chords)]
         for a, b in itertools.pairwise(fixed):
-            chord, length = float(chords[a:b].sum()), float(cuts[b] - cuts[a])
+            chord, length = sum(chords[a:b]), cuts[b] - cuts[a]
             if chord >= length:
                 way = "way through its rings and tubes" if b > a + 1 else "distance between its supports"
                 more = (
@@ -309,9 +310,8 @@ class CoupledPieces(Released):
         tangent = self.tangent(mounts, self.state)
         out = []
         for i, one in enumerate(found):
-            turn = tangent.pieces[i].turn
             inner, touching = np.concatenate([one.start_wrench, one.end_wrench]), one._touching
-            wrenches = turn @ inner
+            wrenches = tangent.pieces[i].on_mounts(inner)
             for end, tip, loose in zip(self.loose, self.state.tips, tangent.loose, strict=True):
                 if i == end.which * (len(found) - 1):
                     own = slice(6 * end.which, 6 * end.which + 6)

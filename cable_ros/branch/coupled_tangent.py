@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from cable_ros.branch.coupled_modes import coupled_modes
-from cable_ros.branch.coupling import END, LOOSE, PER, START, Ends, Loose, Side, System, assemble
+from cable_ros.branch.coupling import END, LOOSE, PER, START, Ends, Loose, Side, System, assemble, onto_mounts
 from cable_ros.branch.loose_ends import ALONG, PITCH, LooseEnd, Tip
 from cable_ros.branch.modes import no_modes
 from cable_ros.branch.results import Tangent
@@ -23,19 +24,43 @@ from cable_ros.rod import quaternion
 class Turned:
     """The linearised equations of one piece along the axes of its mounts; implements `Linearised`."""
 
-    __slots__ = ("inner", "turn")
+    def __init__(self, inner: Tangent, mounts: np.ndarray, sections: np.ndarray, weight: np.ndarray) -> None:
+        """Of `inner`, whose ends are in `mounts` and have `sections`, (2, 7) poses, world; all is kept.
 
-    def __init__(self, inner: Tangent, turns: np.ndarray) -> None:
-        """Of `inner`; `turns` (2, 3, 3): its sections' axes in its mounts' frames."""
-        self.inner = inner
-        self.turn = np.zeros((12, 12))
-        for i in range(4):
-            self.turn[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turns[i // 2]
+        `weight` (3,): load per length in the world, N/m.
+        """
+        self.inner, self._mounts, self._sections, self._weight = inner, mounts, sections, weight
+        self._loose: list[tuple[LooseEnd, Tip]] = []
 
     def at_loose_end(self, end: LooseEnd, tip: Tip) -> None:
         """Take wrenches and motions at a loose end to those of its mount."""
-        own = END if end.which else START
-        self.turn[own, own] = end.onto_mount(tip)
+        self._loose.append((end, tip))
+
+    def on_mounts(self, wrenches: np.ndarray) -> np.ndarray:
+        """(12,) of both ends along the axes of the mounts, from those along the axes of the sections."""
+        out = np.empty(12)
+        onto_mounts(self._mounts, self._sections, wrenches, out)
+        return out
+
+    @cached_property
+    def turn(self) -> np.ndarray:
+        """(12, 12) what takes wrenches at the sections to those on the mounts."""
+        mounts, sections = (
+            quaternion.matrices_from_ros(p[:, 3:].copy()) for p in (self._mounts, self._sections)
+        )
+        turns, out = mounts.transpose(0, 2, 1) @ sections, np.zeros((12, 12))
+        for i in range(4):
+            out[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turns[i // 2]
+        for end, tip in self._loose:
+            own = END if end.which else START
+            out[own, own] = end.onto_mount(tip)
+        return out
+
+    @property
+    def loads(self) -> np.ndarray:
+        """(2, 3) load per length along the axes of the sections at both ends, N/m."""
+        turn = quaternion.matrices_from_ros(self._sections[:, 3:].copy())
+        return np.einsum("sba,b->sa", turn, self._weight)
 
     def wrench_response(self, obstacles: Sequence[str]) -> np.ndarray:
         """See `Equilibrium.wrench_response`; its sections are clamped to its mounts."""
@@ -99,8 +124,6 @@ class CoupledTangent:
 
     pieces: tuple[Turned, ...]
     ends: tuple[Ends, ...]
-    loads: np.ndarray
-    """(n + 1, 2, 3) load per length along the axes of the sections at the ends of each piece, N/m."""
     friction: np.ndarray
     """(n,) see `coupling.assemble`."""
     free: np.ndarray
@@ -121,8 +144,8 @@ class CoupledTangent:
         """The pieces as their supports see them; `held`: whether no end yields."""
         last = len(self.pieces) - 1
         return [
-            Side.of(ends, piece.inner.wrench_response(obstacles, held), load, by_end=i < last)
-            for i, (ends, piece, load) in enumerate(zip(self.ends, self.pieces, self.loads, strict=True))
+            Side.of(ends, piece.inner.wrench_response(obstacles, held), piece.loads, by_end=i < last)
+            for i, (ends, piece) in enumerate(zip(self.ends, self.pieces, strict=True))
         ]
 
     @property

@@ -28,6 +28,7 @@ import numpy as np
 
 from cable_ros.compilation import LEAF_ENTRY, njit
 from cable_ros.linalg.cross import cross, cross_matrix
+from cable_ros.rod import quaternion
 
 TANGENT = np.array([0.0, 0.0, 1.0])
 START, END = slice(0, 6), slice(6, 12)
@@ -67,6 +68,22 @@ class Ends(NamedTuple):
         curvatures, forces = np.empty((2, 3)), np.empty(2)
         _read_ends(wrenches, section.stiffness, section.natural, curvatures, forces)
         return cls(wrenches, curvatures, forces)
+
+
+@njit(**LEAF_ENTRY)
+def onto_mounts(mounts, sections, wrenches, out):  # type: ignore[no-untyped-def]
+    """Wrenches (12,) of both ends along the axes of the `sections`, turned into those of the `mounts`: `out`.
+
+    `mounts`, `sections`: (2, 7) poses in the world.
+    """
+    for i in range(2):
+        mount, section = mounts[i], sections[i]
+        turn = quaternion.product(
+            (mount[6], -mount[3], -mount[4], -mount[5]), (section[6], section[3], section[4], section[5])
+        )
+        for k in range(6 * i, 6 * i + 6, 3):
+            v = (wrenches[k], wrenches[k + 1], wrenches[k + 2])
+            out[k], out[k + 1], out[k + 2] = quaternion.turned(turn, v)
 
 
 @njit(**LEAF_ENTRY)

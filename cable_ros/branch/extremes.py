@@ -17,10 +17,10 @@ from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.limits import QUANTITIES, Extreme
 from cable_ros.rod import quaternion
-from cable_ros.rod.centreline import position
+from cable_ros.rod.centreline import place
 from cable_ros.rod.elements import integrals, reference_element
 from cable_ros.rod.kirchhoff import NO_LINES, Rod
-from cable_ros.rod.resultants import CURVATURE, centreline, largest, survey
+from cable_ros.rod.resultants import CURVATURE, ROUGH, TENSION, TWIST, centreline, largest, survey
 from cable_ros.rod.units import Units
 from cable_ros.scene.cable_limits import CableLimits
 
@@ -106,81 +106,66 @@ class Reading:
     """(m, g + 1, 3) coefficients; None: those of the frames."""
 
     @cached_property
-    def shape(self) -> tuple[Any, ...]:
-        """Fields of `resultants.Shape`."""
-        (h, s0, order), c = self.mesh, self.centreline
+    def _fields(self) -> tuple[tuple[Any, ...], tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+        """Fields of `resultants.Shape`, `Law` and `Loads`."""
+        (h, s0, order), c, (F, M, *others) = self.mesh, self.centreline, self.loads
         if c is None:
             values, primitives, _ = integrals(order)
             points = reference_element(order, len(values)).points
             c = np.empty((len(h), len(values) + 1, 3))
-            F, _, f, _, _ = self.loads
-            centreline(self.q, F, f, self.compliance, h, s0, values, points, primitives, c)
-        return self.q, h, s0, reference_element(order).nodes, c
+            centreline(self.q, F, others[0], self.compliance, h, s0, values, points, primitives, c)
+        shape = self.q, h, s0, reference_element(order).nodes, c
+        return shape, self.law, (F, quaternion.rotate(self.q[-1], M), *others)
 
     @cached_property
-    def _balance(self) -> tuple[np.ndarray, ...]:
-        """Fields of `resultants.Loads`."""
-        F, M, *others = self.loads
-        return F, quaternion.rotate(self.q[-1], M), *others
-
-    @cached_property
-    def _samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """What `resultants.survey` finds."""
-        _, h, _, nodes, _ = self.shape
+    def _survey(self) -> tuple[np.ndarray, np.ndarray]:
+        """The samples and the bounds of `resultants.survey`, those in SI units."""
+        _, h, _, nodes, _ = self._fields[0]
         samples = np.empty((len(h) + len(self.loads[3]), 2 * len(nodes) + 1, 3))
-        least = np.empty(3)
-        survey(self.shape, self.law, self._balance, samples, least)
-        return samples, least
-
-    @cached_property
-    def _scale(self) -> np.ndarray:
-        """(3,) what takes squared curvature, tension and twist to SI units."""
-        unit = self.unit
-        return np.array([unit.length**-2, unit.force, 1.0 / unit.length])
+        bounds = np.empty((2, 3))
+        survey(*self._fields, samples, bounds)
+        return samples, bounds * self._scale
 
     @property
-    def least(self) -> np.ndarray:
-        """(3,) squared curvature, tension and twist that are reached somewhere, SI."""
-        return self._samples[1] * self._scale
+    def _scale(self) -> tuple[float, float, float]:
+        """What takes squared curvature, tension and twist to SI units."""
+        unit = self.unit
+        return unit.length**-2, unit.force, 1.0 / unit.length
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) squared curvature, tension and twist that are reached, and that are not exceeded, SI."""
+        return self._survey[1]
 
     def largest(self, least: np.ndarray) -> list[list[float]]:
         """Largest curvature, tension and twist, SI, and their arc lengths, L.
 
         Those that may be above `least` (3,), SI, of the squared curvature; see `resultants.largest`.
         """
-        out = np.empty((3, 2))
-        samples = self._samples[0]
-        largest(self.shape, self.law, self._balance, samples, least / self._scale, out)
+        out, scale = np.empty((3, 2)), self._scale
+        largest(*self._fields, self._survey[0], least / scale, out)
         found: list[list[float]] = out.tolist()
-        for row, scale in zip(
-            found, (1.0 / self.unit.length, self.unit.force, 1.0 / self.unit.length), strict=True
-        ):
-            row[0] *= scale
+        for row, unit in zip(found, (scale[TWIST], *scale[TENSION:]), strict=True):
+            row[0] *= unit
         return found
 
     def clearance(self, most: float) -> tuple[float, float, int]:
         """Least distance from the obstacles, m, its arc length, L, and which one it is; see `clearance`."""
-        beside = self.obstacles
-        _, h, s0, _, c = self.shape
-        obstacles = placed(beside.local, beside.links, self.start, self.unit.length)
-        least, at, which = clearance(c, h, s0, obstacles, most / self.unit.length)
-        return least * self.unit.length, at, which
+        beside, length = self.obstacles, self.unit.length
+        _, h, s0, _, c = self._fields[0]
+        obstacles = placed(beside.local, beside.links, self.start, length)
+        least, at, which = clearance(c, h, s0, obstacles, most / length)
+        return least * length, at, which
 
     def extreme(self, k: int, value: float, s: float, obstacle: str, before: float) -> Extreme:
         """Of quantity k, at the arc length s, L; a length `before`, m, of the cable comes before the rod."""
-        quantity = QUANTITIES[k]
         r, at = np.full(3, np.nan), math.nan
         if math.isfinite(value):
-            _, h, s0, _, c = self.shape
-            position(c, h, s0, s, r)
-            r = self.start[:3] + self.unit.length * self._axes @ r
+            _, h, s0, _, c = self._fields[0]
+            place(c, h, s0, s, self.start, self.unit.length, r)
             at = s * self.unit.length + before
+        quantity = QUANTITIES[k]
         return Extreme(quantity, value, at, r, getattr(self.limits, quantity.name), obstacle)
-
-    @cached_property
-    def _axes(self) -> np.ndarray:
-        """(3, 3) of the start clamp, world, in columns."""
-        return quaternion.matrix_from_ros(self.start[3:])
 
     def __call__(self) -> tuple[Extreme, ...]:
         return worst_of([self], [0.0])
@@ -191,11 +176,13 @@ def worst_of(readings: Sequence[Reading], cuts: Sequence[float]) -> tuple[Extrem
 
     A piece is looked at closely only where it may be worse than all others.
     """
-    least = np.max([one.least for one in readings], axis=0)
+    bounds = np.array([one.bounds for one in readings])
+    least = bounds[:, 0].max(axis=0)
+    near = (bounds[:, 1] >= least * (1.0 - np.copysign(ROUGH, least))).any(axis=1).tolist()
     worst = [(0.0, 0.0, 0), (-math.inf, 0.0, 0), (0.0, 0.0, 0)]  # value, arc length, and which piece
     nearest, at, where, which = math.inf, 0.0, 0, 0
     for i, one in enumerate(readings):
-        for k, (value, s) in enumerate(one.largest(least)):
+        for k, (value, s) in enumerate(one.largest(least) if near[i] else ()):
             if value > worst[k][0]:
                 worst[k] = value, s, i
         value, s, obstacle = one.clearance(nearest)

@@ -6,7 +6,8 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +31,32 @@ HELD = {CLIP: np.ones(6), PIN: TURNS, RING: TURNS, TUBE: np.array([1.0, 1.0, 1.0
 """(6,) which components of its wrench a support may have."""
 
 
-def shares(cuts: Sequence[float], count: int) -> list[np.ndarray]:
-    """For each piece of a cable, which of `count` equal arc lengths are on it, as fractions of its length.
+class Span(NamedTuple):
+    """Which of the equal arc lengths of a cable are on a piece of it."""
+
+    first: int
+    last: int
+    """The one behind the last of them."""
+    begin: float
+    """Arc length at which the piece begins, m."""
+    end: float
+
+    def fractions(self, length: float, count: int) -> np.ndarray:
+        """Them as fractions of the piece's length; `length` of the cable, m, `count` of points."""
+        at = arc_lengths(length, count)[self.first : self.last]
+        out: np.ndarray = (at - self.begin) / (self.end - self.begin)
+        return np.minimum(np.maximum(out, 0.0), 1.0)  # in a third of clip's time
+
+
+@lru_cache(8)
+def arc_lengths(length: float, count: int) -> np.ndarray:
+    """(count,) equal arc lengths on a cable, m."""
+    out: np.ndarray = length * np.arange(count) / (count - 1)
+    return out
+
+
+def spans(cuts: Sequence[float], count: int) -> list[Span]:
+    """Of each piece of a cable.
 
     A point at a support belongs to the piece that begins there, the last one to the last piece.
 
@@ -39,12 +64,16 @@ def shares(cuts: Sequence[float], count: int) -> list[np.ndarray]:
         cuts: arc lengths of start, supports and end, m.
         count: of points.
     """
-    at = cuts[-1] * np.arange(count) / (count - 1)
-    first = [*at.searchsorted(cuts[:-1]).tolist(), count]
+    first = [*arc_lengths(cuts[-1], count).searchsorted(cuts[:-1]).tolist(), count]
     return [
-        np.minimum(np.maximum((at[i:k] - begin) / (end - begin), 0.0), 1.0)  # in a third of clip's time
+        Span(i, k, begin, end)
         for i, k, (begin, end) in zip(first, first[1:], itertools.pairwise(cuts), strict=False)
     ]
+
+
+def shares(cuts: Sequence[float], count: int) -> list[np.ndarray]:
+    """For each piece of a cable, which of `count` equal arc lengths are on it, as fractions of its length."""
+    return [span.fractions(cuts[-1], count) for span in spans(cuts, count)]
 
 
 def joined(

@@ -28,11 +28,18 @@ def wrenches(rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units) -> tuple[np.nd
 
     `rod` is at an equilibrium with the nodal frames q (n, 4) and the end force F (3,), in units of the cable.
     """
+    both = both_wrenches(rod, q, F, unit)
+    return both[6:], both[:6]
+
+
+def both_wrenches(rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units) -> np.ndarray:
+    """(12,) the `wrenches` on the start clamp, then on the end clamp."""
     if isinstance(rod, HeldRod):
-        return rod.supports(q, F).on_mounts(rod.qe, unit.force, unit.moment)
-    end, start = np.empty(6), np.empty(6)
-    output.wrenches(F, rod.f, rod.contact_force(), rod.qe, rod.g, unit.force, unit.moment, end, start)
-    return end, start
+        end, start = rod.supports(q, F).on_mounts(rod.qe, unit.force, unit.moment)
+        return np.concatenate([start, end])
+    out = np.empty(12)
+    output.wrenches(F, rod.f, rod.contact_force(), rod.qe, rod.g, unit.force, unit.moment, out[6:], out[:6])
+    return out
 
 
 class Reader:

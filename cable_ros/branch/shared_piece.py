@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import is_
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.cold_start import Conditions
 from cable_ros.branch.coupling import Ends, Section
 from cable_ros.branch.held_ends import ends_of
-from cable_ros.branch.results import Reader, Tangent
+from cable_ros.branch.results import Reader, Tangent, both_wrenches
 from cable_ros.branch.searched_equilibrium import ALGEBRAIC
 from cable_ros.branch.snap_through import snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
@@ -26,7 +27,7 @@ from cable_ros.contact.points import BEFORE, FRICTION
 from cable_ros.contact.travel import SHORTER, travel
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
-from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.kirchhoff import Rod
@@ -81,6 +82,8 @@ class SharedPiece(CableTracker):
     _length: float | None = None
     _begin = 0.0
     """Arc length of the cable where the piece starts, m."""
+    _bent = False
+    """Whether it is curved or twisted when unloaded."""
     _rough = FRICTIONLESS
     """The friction of its obstacles; `_model` is without as long as friction is left out."""
     _origin: Kept | None = None
@@ -96,6 +99,8 @@ class SharedPiece(CableTracker):
     """Iterations since the last result."""
     _known_ends: tuple[tuple[object, ...], Ends] | None = None
     """The ends of the equilibrium known last, and which that is."""
+    _known_section: tuple[tuple[object, ...], Section] | None = None
+    """What it is made of, and from which arrays that follows; another length has others if it matters."""
 
     def reset(self) -> None:
         super().reset()
@@ -105,7 +110,7 @@ class SharedPiece(CableTracker):
         if self._length is not None:
             properties = replace(properties, length=self._length)
         super()._use(properties)
-        self._rough = self._model
+        self._rough, self._bent = self._model, bool(self._natural.any())
 
     @property
     def unit(self) -> tuple[float, float]:
@@ -163,7 +168,7 @@ class SharedPiece(CableTracker):
             return
         self._length, ratio = length, length / before.length
         self._units = Units(length, before.stiffness)
-        if self._natural.any():
+        if self._bent:
             self._natural = ratio * self._natural
             if rod is not None:
                 rod.natural *= ratio
@@ -358,22 +363,21 @@ class SharedPiece(CableTracker):
         rod, known = self._rod, self._known_ends
         assert rod is not None
         at = rod, self._q, self._F, self._units
-        if known is None or any(a is not b for a, b in zip(known[0], at, strict=True)):
-            end, start = self.wrenches(rod)
-            self._known_ends = known = at, Ends.of(np.concatenate([start, end]), self.section)
+        if known is None or not all(map(is_, known[0], at)):
+            wrenches = both_wrenches(rod, self._q, self._F, self._units)
+            self._known_ends = known = at, Ends.of(wrenches, self.section)
         return known[1]
 
     @property
     def section(self) -> Section:
         """What it is made of."""
-        return Section(self._stiffness * self._units.stiffness, self._natural / self.length)
+        known, of = self._known_section, (self._stiffness, self._natural)
+        if known is None or known[0][0] is not of[0] or known[0][1] is not of[1]:
+            section = Section(self._stiffness * self._units.stiffness, self._natural / self.length)
+            self._known_section = known = of, section
+        return known[1]
 
     def tangent(self, poses: np.ndarray) -> Tangent:
         """The linearised equations about the present equilibrium."""
         assert self._rod is not None
         return Tangent(self._rod, self._q, self._F, self._units, self._names, poses[0], self._density)
-
-    def loads(self, poses: np.ndarray) -> np.ndarray:
-        """(2, 3) load per length along the axes of the sections at both ends, N/m."""
-        turn = quaternion.matrices_from_ros(np.ascontiguousarray(poses[:, 3:]))
-        return np.einsum("sba,b->sa", turn, self._weight)

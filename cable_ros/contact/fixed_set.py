@@ -158,6 +158,8 @@ class FixedSetRod(Rod):
         self._sample(len(self.phi))
 
     def contact_force(self) -> np.ndarray:
+        if not self.count:
+            return NOTHING
         out = np.empty(3)
         total_force(self.points, self.normals, self.count, out)
         return out

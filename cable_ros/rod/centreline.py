@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from cable_ros.compilation import LEAF, LEAF_ENTRY, njit
+from cable_ros.rod import quaternion
 
 
 @njit(**LEAF)
@@ -126,6 +127,18 @@ def position(c, h, s0, s, r):
         for k in range(top - 1, -1, -1):
             v = v * x + c[e, k, a]
         r[a] = v
+
+
+@njit(**LEAF_ENTRY)
+def place(c, h, s0, s, start, length, r):
+    """`position` of a cable of this length, m, in the world: r (3,), m.
+
+    `start` (7,): its start clamp there, m, quaternion x y z w.
+    """
+    position(c, h, s0, s, r)
+    turn = start[6], start[3], start[4], start[5]
+    x, y, z = quaternion.turned(turn, (length * r[0], length * r[1], length * r[2]))
+    r[0], r[1], r[2] = start[0] + x, start[1] + y, start[2] + z
 
 
 @njit(**LEAF)

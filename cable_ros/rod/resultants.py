@@ -210,21 +210,36 @@ def refine(shape, law, f, balance, e, k, a, b, work, pair):
 
 
 @njit(**LEAF)
-def sample(shape, law, f, balance, e, begin, end, work, samples, least):
+def rise(samples, i, k):
+    """How much field k may rise beside sample i: a parabola by an eighth of its fall beside it, at most.
+
+    `samples` (2 order + 3, 3): of `sample`.
+    """
+    last = samples.shape[0] - 3
+    low = min(samples[max(i - 2, 0), k], samples[min(i + 2, last), k])
+    return 0.5 * (samples[i, k] - low)
+
+
+@njit(**LEAF)
+def sample(shape, law, f, balance, e, begin, end, work, samples, bounds):
     """Evaluate the fields at equal steps between the fractions `begin` and `end` of element e.
 
     Args:
         shape, law, f, balance, e, work: as in `fields`.
         begin, end: fractions of the element.
         samples: (2 order + 3, 3) overwritten but for its last two rows.
-        least: (3,) largest values so far, updated.
+        bounds: (2, 3) of `survey`, so far, updated.
     """
     count = samples.shape[0] - 2
     step = (end - begin) / (count - 1)
     for i in range(count):
         fields(shape, law, f, balance, e, begin + i * step, work, samples[i])
+    for i in range(count):
         for k in range(3):
-            least[k] = max(least[k], samples[i, k])
+            value = samples[i, k]
+            bounds[0, k] = max(bounds[0, k], value)
+            if value >= max(samples[max(i - 1, 0), k], samples[min(i + 1, count - 1), k]):
+                bounds[1, k] = max(bounds[1, k], value + rise(samples, i, k))
 
 
 @njit(**LEAF)
@@ -244,11 +259,9 @@ def search(shape, law, f, balance, e, begin, end, work, samples, least, out):
         for i in range(count):
             before, after = max(i - 1, 0), min(i + 1, count - 1)
             value = samples[i, k]
-            low = min(samples[max(i - 2, 0), k], samples[min(i + 2, count - 1), k])
             if value < max(samples[before, k], samples[after, k]):
                 continue
-            # a parabola rises between samples by an eighth of its fall beside them, at most
-            if value + 0.5 * (value - low) < max(out[k, 0], least[k] - ROUGH * abs(least[k])):
+            if value + rise(samples, i, k) < max(out[k, 0], least[k] - ROUGH * abs(least[k])):
                 continue
             x = begin + i * step
             inner, found = refine(
@@ -270,7 +283,7 @@ def search(shape, law, f, balance, e, begin, end, work, samples, least, out):
 
 
 @njit(**OPTIONS)
-def survey(shape, law, loads, samples, least):
+def survey(shape, law, loads, samples, bounds):
     """Sample the fields along the rod, for `largest`.
 
     Between two point forces of an element they are smooth: there are 2 order + 1 samples of each such part.
@@ -278,10 +291,10 @@ def survey(shape, law, loads, samples, least):
     Args:
         shape, law, loads: fields of `Shape`, `Law` and `Loads`, as plain tuples.
         samples: (m + k, 2 order + 3, 3) receives squared bending curvature, tension and elastic twist.
-        least: (3,) receives the largest of them.
+        bounds: (2, 3) receives the largest of them, and what their maxima do not exceed.
     """
-    least[:] = -np.inf
-    sweep(Shape(*shape), Law(*law), Loads(*loads), samples, least, np.empty((3, 2)), False)
+    bounds[:] = -np.inf
+    sweep(Shape(*shape), Law(*law), Loads(*loads), samples, bounds[0], bounds, False)
 
 
 @njit(**OPTIONS)
@@ -309,7 +322,8 @@ def sweep(shape, law, loads, samples, least, out, refining):
 
     Args:
         shape, law, loads: `Shape`, `Law` and `Loads`.
-        samples, least, out: as in `survey` and `largest`.
+        samples, least: as in `largest`.
+        out: the bounds of `survey`, or as in `largest`.
         refining: whether to `search`.
     """
     _, h, s0, _, c = shape
@@ -339,7 +353,7 @@ def sweep(shape, law, loads, samples, least, out, refining):
             if end > begin and refining:
                 search(shape, law, f, balance, e, begin, end, work, samples[e + at], least, out)
             elif end > begin:
-                sample(shape, law, f, balance, e, begin, end, work, samples[e + at], least)
+                sample(shape, law, f, balance, e, begin, end, work, samples[e + at], out)
             if not last:
                 position(c, h, s0, arc_lengths[at], r)
                 add_cross(r, forces[at], -1.0, lever)

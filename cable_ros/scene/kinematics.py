@@ -42,6 +42,7 @@ class Kinematics:
         carriers = list(dict.fromkeys(obstacle.link for obstacle in scene.obstacles))
         self._obstacles = _Frames(carriers, np.tile(_IDENTITY, (len(carriers), 1)))
         self._carrier = np.array([carriers.index(obstacle.link) for obstacle in scene.obstacles], dtype=int)
+        self._carried: tuple[bytes | None, np.ndarray] | None = None  # of the obstacles, and where that is
         self.joint_names = ()
         links = [
             link for frames in (self._clamps, self._obstacles) for link in frames.links if link is not None
@@ -116,9 +117,13 @@ class Kinematics:
     def obstacle_poses(self, q: np.ndarray) -> np.ndarray:
         """World poses (n_obstacles, 7) of the links that carry the obstacles; the identity for the world.
 
-        Positions, quaternions and `q` as in `poses`.
+        Positions, quaternions and `q` as in `poses`; the same array for the same q, not to be changed.
         """
-        return self._update(self._obstacles, q).take(self._carrier, 0)
+        known, frames = self._carried, self._obstacles
+        poses = self._update(frames, q)
+        if known is None or known[0] != frames.at:
+            self._carried = known = frames.at, poses.take(self._carrier, 0)
+        return known[1]
 
     def obstacle_jacobians(self, q: np.ndarray) -> np.ndarray:
         """Velocity (n_obstacles, 6, n_joints) of the origin of each obstacle's link per joint rate.
