@@ -74,7 +74,7 @@ class Balance:
         self._guides = np.array([support.slides for support in run.supports], bool)
         self._tubes = np.array([support.kind == TUBE for support in run.supports], bool)
         self._friction = np.array([support.friction for support in run.supports], float)
-        self._rough_guides = bool(self._friction.any())
+        self._rough = np.flatnonzero(self._guides & (self._friction > 0.0)).tolist()
         self._known_free: dict[bytes, np.ndarray] = {}  # by what slides
         self.loose = loose
         per = np.arange(PER) == PER - 1, np.arange(LOOSE) >= LOOSE // 2
@@ -165,6 +165,13 @@ class Balance:
         """Remember the pieces' present equilibria."""
         self._kept = [piece.keep() for piece in self.pieces]
 
+    @property
+    def _remembered(self) -> bool:
+        """Whether the pieces are for certain at the equilibria that are remembered."""
+        if self.rubs or not self._kept:
+            return False
+        return all(piece.holds(kept) for piece, kept in zip(self.pieces, self._kept, strict=True))
+
     def _move(
         self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, to: Shared, fall: bool = False,
         held: bool = False,
@@ -219,7 +226,7 @@ class Balance:
             if found is not None and self._let_go(mounts, found):
                 guess, self._inverse = self._faced(kinematics, joints, found), None
                 continue
-            if found is None or not self._rough_guides:
+            if found is None or not self._rough:
                 break
             switched = self._switched(found, origin)
             if not switched.any():
@@ -234,17 +241,16 @@ class Balance:
 
     def _switched(self, found: Shared, origin: np.ndarray) -> np.ndarray:
         """(n,) which rings stick that slid, or slide that stuck; `origin` (n,): arc lengths before."""
-        switched, slides = np.zeros(len(origin), bool), self._slides
-        rough = self._guides & (self._friction > 0.0)
-        # the cable slides towards its end, and less of it is before the ring
-        switched |= rough & (slides * (found.arcs - origin) > LEAST * self.run.length)
-        stuck = rough & (slides == 0)
-        slides[switched] = 0
-        if stuck.any():
-            excess, signs = self._excess()
-            over = stuck & (excess > (1.0 + HELD) * self._friction)
-            slides[over] = signs[over]
-            switched |= over
+        switched, known = np.zeros(len(origin), bool), None
+        for j in self._rough:
+            if self._slides[j]:
+                # the cable slides towards its end, and less of it is before the ring
+                if self._slides[j] * (found.arcs[j] - origin[j]) > LEAST * self.run.length:
+                    self._slides[j], switched[j] = 0, True
+                continue
+            excess, signs = known = known or self._excess()
+            if excess[j] > (1.0 + HELD) * self._friction[j]:
+                self._slides[j], switched[j] = signs[j], True
         return switched
 
     def _excess(self) -> tuple[np.ndarray, np.ndarray]:

@@ -103,7 +103,7 @@ class CoupledPieces(Released):
             if self._lost:
                 self.pieces[0].distrust(self._lost)
             return self._publish(kinematics, joints, mounts, "", begin, share)
-        route = [*self._waiting, joints] if self._rough_guides or self.rubs else [joints]
+        route = [*self._waiting, joints] if self._rough or self.rubs else [joints]
         self._waiting, steps, snapped = [], 0, ""
         for piece in self.pieces:
             piece.worked = 0.0
@@ -306,7 +306,8 @@ class CoupledPieces(Released):
                 break
             self._accept(joints, exact)
         assert self.state is not None
-        self._keep()
+        if not self._remembered:
+            self._keep()
         tangent = self.tangent(mounts, self.state)
         out = []
         for i, one in enumerate(found):

@@ -137,13 +137,13 @@ class Reading:
         """(2, 3) squared curvature, tension and twist that are reached, and that are not exceeded, SI."""
         return self._survey[1]
 
-    def largest(self, least: np.ndarray) -> list[list[float]]:
+    def largest(self, least: Sequence[float]) -> list[list[float]]:
         """Largest curvature, tension and twist, SI, and their arc lengths, L.
 
         Those that may be above `least` (3,), SI, of the squared curvature; see `resultants.largest`.
         """
         out, scale = np.empty((3, 2)), self._scale
-        largest(*self._fields, self._survey[0], least / scale, out)
+        largest(*self._fields, self._survey[0], np.divide(least, scale), out)
         found: list[list[float]] = out.tolist()
         for row, unit in zip(found, (scale[TWIST], *scale[TENSION:]), strict=True):
             row[0] *= unit
@@ -176,9 +176,9 @@ def worst_of(readings: Sequence[Reading], cuts: Sequence[float]) -> tuple[Extrem
 
     A piece is looked at closely only where it may be worse than all others.
     """
-    bounds = np.array([one.bounds for one in readings])
-    least = bounds[:, 0].max(axis=0)
-    near = (bounds[:, 1] >= least * (1.0 - np.copysign(ROUGH, least))).any(axis=1).tolist()
+    reached, exceeded = zip(*(one.bounds.tolist() for one in readings), strict=True)
+    least = [max(values) for values in zip(*reached, strict=True)]
+    near = [any(b >= a - ROUGH * abs(a) for a, b in zip(least, most, strict=True)) for most in exceeded]
     worst = [(0.0, 0.0, 0), (-math.inf, 0.0, 0), (0.0, 0.0, 0)]  # value, arc length, and which piece
     nearest, at, where, which = math.inf, 0.0, 0, 0
     for i, one in enumerate(readings):

@@ -90,9 +90,8 @@ def joined(
     status = max((one.status for one in found), key=SEVERITY.index)
     first, last = found[0], found[-1]
     message, overlaps = _message(cable, found), _overlaps(found)
-    diameter = 2.0 * cable.radius
+    diameter, points = 2.0 * cable.radius, np.concatenate([one.points for one in found])
     if diameter and status.trusted and not overlaps:
-        points = np.concatenate([one.points for one in found])
         line = points if len(points) >= OUTLINE else outline()
         apart = closest_approach(line, cable.length, SPACING * diameter)
         if apart < diameter:
@@ -100,14 +99,14 @@ def joined(
             message = f"{message} {warning(apart, diameter)}"
     mounts = None
     if status.trusted:
-        mounts = np.stack([_axes(first, 0), _axes(last, 1)])
+        mounts = np.array([_axes(first, 0), _axes(last, 1)])
     numbers = [(one.stability_margin, one.error_estimate, one.total_twist, one.energy) for one in found]
     margins, errors, twists, energies = np.array(numbers).T
     return Equilibrium.of({
         "status": status, "message": message, "converged": all(one.converged for one in found),
         "stable": all(one.stable for one in found), "stability_margin": float(margins.min()),
         "end_wrench": last.end_wrench, "start_wrench": first.start_wrench,
-        "points": np.concatenate([one.points for one in found]),
+        "points": points,
         "orientations": np.concatenate([one.orientations for one in found]),
         "total_twist": float(twists.sum()), "energy": float(energies.sum()),
         "error_estimate": float(errors.max()), "iterations": sum(one.iterations for one in found),

@@ -207,6 +207,10 @@ class SharedPiece(CableTracker):
         self._origin = Kept(self._q, self._F, conditions, rod.mesh, contacts, *where)
         return self._origin
 
+    def holds(self, kept: Kept) -> bool:
+        """Whether it is at this equilibrium."""
+        return kept.q is self._q and self._rod is not None and kept.mesh is self._rod.mesh
+
     def put_back(self, kept: Kept) -> None:
         """Return to an equilibrium of the same rod."""
         self._restore(kept)
