@@ -222,6 +222,11 @@ class Equilibrium:
         vars(new).update(fields)
         return new
 
+    def completed(self, fields: dict[str, Any]) -> Equilibrium:
+        """Itself with other `fields`: only for its maker, before anybody has seen it."""
+        vars(self).update(fields)
+        return self
+
     def __repr__(self) -> str:
         force = ", ".join(f"{value:.4g}" for value in self.end_wrench[:3])
         return (

@@ -19,7 +19,7 @@ from cable_ros.branch.results import failed
 from cable_ros.branch.rubbing_cables import crossed_cables
 from cable_ros.common.compile_watch import GETTING
 from cable_ros.common.packing import pack, unpack
-from cable_ros.contact.overlaps import OUTLINE, Pairs
+from cable_ros.contact.overlaps import OUTLINE, SPACING, Pairs, SelfApproach
 from cable_ros.effects.contact import encode
 from cable_ros.effects.registry import environments, properties
 from cable_ros.equilibrium import Equilibrium, Status
@@ -84,6 +84,7 @@ class Tracker:
         self._whole = len(self._pieces) == len(self._names)  # no cable has clips
         self._share_points()
         self._pairs = Pairs(self.scene.cables)
+        self._approaches = [SelfApproach(one.length, SPACING * 2.0 * one.radius) for one in self.scene.cables]
         self.robot_overlaps = RobotOverlaps(self.scene, self.joint_names)
         self._beside = {
             i: encode(self.scene.obstacles, cable.radius, cable.name)
@@ -309,7 +310,8 @@ class Tracker:
                 out[cable.name] = each[group[0]]
                 continue
             found = [each[i] for i in group]
-            out[cable.name] = joined(cable, found, self._cuts(index), partial(self._outline, index, poses))
+            outline = partial(self._outline, index, poses)
+            out[cable.name] = joined(cable, found, self._cuts(index), outline, self._approaches[index])
         return out
 
     def _solve_coupled(self, joints: np.ndarray, poses: np.ndarray, begin: float) -> dict[int, Equilibrium]:
@@ -341,7 +343,7 @@ class Tracker:
             return found
         links = self.kinematics.obstacle_poses(joints)
         extremes = tracked.extremes(limits, self._beside[index], links, tracked.origin(poses))
-        return Equilibrium.of(vars(found) | {"_extremes": extremes})
+        return found.completed({"_extremes": extremes})
 
     def arrive(self, joints: Mapping[str, float]) -> dict[str, Equilibrium]:
         """As `solve`, called again until no cable is `Status.UNFINISHED`: for work without a deadline."""

@@ -321,7 +321,7 @@ class CoupledPieces(Released):
                         piece, force = self.pieces[i], max(loose.residual(inner[own])[ALONG], 0.0)
                         arc = piece.length * end.which
                         touching = partial(with_tip, touching, piece.names, tip, force, arc)
-            fields = vars(one) | {
+            fields: dict[str, Any] = {
                 "start_wrench": wrenches[:6], "end_wrench": wrenches[6:], "_mounts": mounts[i, :, 3:].copy(),
                 "_tangent": tangent.pieces[i] if len(found) > 1 else Whole(tangent),
                 "_coupled": tangent if i == 0 and len(found) > 1 else None, "_touching": touching,
@@ -331,7 +331,7 @@ class CoupledPieces(Released):
                 fields |= self._of_loose_ends(kinematics, joints, mounts, one, fields["stability_margin"])
             if one.status is Status.CONVERGED and snapped:
                 fields |= {"status": Status.SNAPPED, "message": snapped if i == 0 else ""}
-            out.append(Equilibrium.of(fields))
+            out.append(one.completed(fields))
             begin = time.perf_counter()
         return out
 

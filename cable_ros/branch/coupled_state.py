@@ -39,12 +39,12 @@ class Shared(NamedTuple):
 
     def step_to(self, other: Shared) -> np.ndarray:
         """(N,) the step that leads to another state, as in `moved`."""
-        out = np.empty((len(self.arcs), PER))
-        for j, (one, two) in enumerate(zip(self.turns, other.turns, strict=True)):
-            out[j, :3] = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(one), two))
-        out[:, 3] = other.arcs - self.arcs
+        out = np.empty(PER * len(self.arcs))
+        _step_to(self.turns, self.arcs, other.turns, other.arcs, out)
+        if not self.tips:
+            return out
         tips = [one.step_to(two) for one, two in zip(self.tips, other.tips, strict=True)]
-        return np.concatenate([out.ravel(), *tips])
+        return np.concatenate([out, *tips])
 
     def places(self, mounts: np.ndarray, length: float) -> list[Place]:
         """Where each piece is held; `mounts` (n + 1, 2, 7): of their ends; `length` of all together, m."""
@@ -57,6 +57,17 @@ class Shared(NamedTuple):
         if self.tips:
             out[-1] = out[-1]._replace(yields=self.tips[-1].yields(mounts[-1, 1]))
         return out
+
+
+@njit(**LEAF_ENTRY)
+def _step_to(turns, arcs, new_turns, new_arcs, out):  # type: ignore[no-untyped-def]
+    """`Shared.step_to` of the supports: turns (n, 4) and arcs (n,) before and after, into `out` (PER n,)."""
+    for j in range(arcs.shape[0]):
+        one, two = turns[j], new_turns[j]
+        change = quaternion.product((one[0], -one[1], -one[2], -one[3]), (two[0], two[1], two[2], two[3]))
+        x, y, z = quaternion.turn(change)
+        out[PER * j], out[PER * j + 1], out[PER * j + 2] = x, y, z
+        out[PER * j + 3] = new_arcs[j] - arcs[j]
 
 
 @njit(**LEAF_ENTRY)

@@ -13,7 +13,7 @@ import numpy as np
 
 from cable_ros.branch.extremes import Reading, worst_of
 from cable_ros.branch.modes import no_modes
-from cable_ros.contact.overlaps import OUTLINE, SPACING, closest_approach, warning
+from cable_ros.contact.overlaps import OUTLINE, SelfApproach, warning
 from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Overlap, Status
 from cable_ros.limits import Extreme
 from cable_ros.scene import Cable
@@ -77,8 +77,9 @@ def shares(cuts: Sequence[float], count: int) -> list[np.ndarray]:
 
 
 def joined(
-    cable: Cable, found: Sequence[Equilibrium], cuts: Sequence[float], outline: Callable[[], np.ndarray]
-) -> Equilibrium:
+    cable: Cable, found: Sequence[Equilibrium], cuts: Sequence[float], outline: Callable[[], np.ndarray],
+    approach: SelfApproach,
+) -> Equilibrium:  # fmt: skip
     """The result of a cable with supports.
 
     Args:
@@ -86,6 +87,7 @@ def joined(
         found: of its pieces, with their parts of the polyline.
         cuts: arc lengths of its start, its supports and its end at present, m.
         outline: gives a polyline (n, 3) of the whole cable, world, m.
+        approach: of this cable.
     """
     status = max((one.status for one in found), key=SEVERITY.index)
     first, last = found[0], found[-1]
@@ -93,7 +95,7 @@ def joined(
     diameter, points = 2.0 * cable.radius, np.concatenate([one.points for one in found])
     if diameter and status.trusted and not overlaps:
         line = points if len(points) >= OUTLINE else outline()
-        apart = closest_approach(line, cable.length, SPACING * diameter)
+        apart = approach.bound(line, diameter)
         if apart < diameter:
             overlaps = (Overlap(cable.name, apart, diameter),)
             message = f"{message} {warning(apart, diameter)}"
@@ -133,6 +135,8 @@ def places(cable: Cable) -> list[str]:
 def _message(cable: Cable, found: Sequence[Equilibrium]) -> str:
     """The common message, or those of the pieces that differ from the plain one."""
     plain = Status.CONVERGED.sentence
+    if all(one.message == plain for one in found):
+        return plain
     told = [
         f"{where}: {one.message}"
         for where, one in zip(places(cable), found, strict=True)

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_ros.compilation import LEAF_ENTRY, njit
+
 BENT = 0.5
 """Change of velocity in a step, relative to itself, beyond which the path has a kink: a ring slides."""
 
@@ -21,17 +23,56 @@ class Step(NamedTuple):
     """(N,) of the unknowns."""
 
 
-def onward(first: np.ndarray, step: np.ndarray) -> float:
+NO_STEP = Step(np.zeros(0), np.zeros(0))
+
+
+@njit(**LEAF_ENTRY)
+def onward(first, step):  # type: ignore[no-untyped-def]
     """A step in the joints over the one before it if it goes on the same way, at most twice as far; else 0.
 
     Args:
         first, step: (n,) motions of the joints.
     """
-    size = float(first @ first)
-    ratio = float(first @ step) / size if size > 0.0 else 0.0
-    if not 0.0 < ratio <= 2.0 or np.abs(step - ratio * first).max() > 0.1 * np.abs(step).max():
+    size, along = 0.0, 0.0
+    for i in range(first.shape[0]):
+        size += first[i] * first[i]
+        along += first[i] * step[i]
+    ratio = along / size if size > 0.0 else 0.0
+    if not 0.0 < ratio <= 2.0:
         return 0.0
-    return ratio
+    aside, most = 0.0, 0.0
+    for i in range(first.shape[0]):
+        aside, most = max(aside, abs(step[i] - ratio * first[i])), max(most, abs(step[i]))
+    return 0.0 if aside > 0.1 * most else ratio
+
+
+@njit(**LEAF_ENTRY)
+def _lead(motion, joints, change, earlier, before, out):  # type: ignore[no-untyped-def]
+    """`predicted` into `out` (N,); whether it goes on.
+
+    Args:
+        motion: (n,) of the joints.
+        joints, change: of the last `Step`.
+        earlier, before: of the one before it, empty if there is none.
+        out: (N,) overwritten.
+    """
+    ratio = onward(joints, motion)
+    if ratio == 0.0:
+        return False
+    longer = onward(earlier, joints)
+    most, bent = 0.0, 0.0
+    for k in range(out.shape[0]):
+        # per length of the last step; in its middle
+        out[k] = change[k]
+        most = max(most, abs(change[k]))
+        if longer > 0.0:
+            bent = max(bent, abs(change[k] - longer * before[k]))
+    bends = longer > 0.0 and bent <= BENT * most
+    for k in range(out.shape[0]):
+        if bends:
+            out[k] += (1.0 + ratio) / (1.0 + 1.0 / longer) * (change[k] - longer * before[k])
+        out[k] *= ratio
+    return True
 
 
 def predicted(steps: Sequence[Step], motion: np.ndarray) -> np.ndarray | None:
@@ -40,14 +81,8 @@ def predicted(steps: Sequence[Step], motion: np.ndarray) -> np.ndarray | None:
     `steps`: the last ones, the latest first. Of two, the velocity goes on changing as it does: an error of
     third order, where one leaves one of second.
     """
-    ratio = onward(steps[0].joints, motion) if steps else 0.0
-    if ratio == 0.0:
+    if not steps:
         return None
-    velocity = steps[0].change  # per length of the latest step; in its middle
-    before = onward(steps[1].joints, steps[0].joints) if len(steps) > 1 else 0.0
-    if before > 0.0:
-        bend = velocity - before * steps[1].change
-        if np.abs(bend).max() <= BENT * np.abs(velocity).max():
-            velocity = velocity + (1.0 + ratio) / (1.0 + 1.0 / before) * bend
-    out: np.ndarray = ratio * velocity
-    return out
+    last, before = steps[0], steps[1] if len(steps) > 1 else NO_STEP
+    out = np.empty(len(last.change))
+    return out if _lead(motion, *last, *before, out) else None

@@ -242,8 +242,8 @@ def passage(q_old, shape, samples, old_obstacles, obstacles, phi):
 
 
 @njit(**LEAF_ENTRY)
-def could_pass(q, q_new, old_obstacles, obstacles):
-    """Whether a step moves the cable so far beside an obstacle that it might pass through the thinnest one.
+def largest_motion(q, q_new, old_obstacles, obstacles):
+    """The most that a step moves the cable beside an obstacle, and half the width of the thinnest one, L.
 
     Args:
         q, q_new: (n, 4) nodal frames before and after, of the same nodes or nearly so.
@@ -261,15 +261,17 @@ def could_pass(q, q_new, old_obstacles, obstacles):
         for k in range(DIMENSIONS, OFFSET):
             if new[k] > 0.0:
                 width = min(width, new[k] + new[OFFSET])
-        shift, tilt, size = 0.0, 0.0, 0.0
+        shift, tilt, size, swell = 0.0, 0.0, 0.0, 0.0
         for i in range(CENTRE, AXES):
             shift += (new[i] - old[i]) ** 2
             size += old[i] ** 2
         for i in range(AXES, DIMENSIONS):
             tilt += (new[i] - old[i]) ** 2
-        most = max(most, np.sqrt(shift) + np.sqrt(tilt) * (1.0 + np.sqrt(size)))
+        for i in range(DIMENSIONS, OFFSET + 1):  # in other units, of a cable that slides through its supports
+            swell += abs(new[i] - old[i])
+        most = max(most, np.sqrt(shift) + np.sqrt(tilt) * (1.0 + np.sqrt(size)) + swell)
     # no section moves farther than the largest rotation times the length before it
-    return turn + most > width
+    return turn + most, width
 
 
 @njit(**OPTIONS)

@@ -31,6 +31,32 @@ def closest_approach(points: np.ndarray, length: float, spacing: float) -> float
     return float(_closest(points, points, step, step, int(np.ceil(spacing / step)), np.inf))
 
 
+class SelfApproach:
+    """How near the parts of a cable come to each other, from pose to pose.
+
+    Args:
+        length, spacing: as in `closest_approach`.
+    """
+
+    def __init__(self, length: float, spacing: float) -> None:
+        self._length, self._spacing = length, spacing
+        self._points = np.empty((0, 3))
+        self._apart = 0.0
+
+    def bound(self, points: np.ndarray, needed: float) -> float:
+        """`closest_approach` of a polyline (n, 3), or, if it is not less than `needed`, m, a lower bound.
+
+        Two parts come no nearer to each other than both have moved since that was computed last.
+        """
+        if len(points) == len(self._points):
+            moved = points - self._points
+            least = self._apart - 2.0 * math.sqrt(np.einsum("na,na->n", moved, moved).max())
+            if least >= needed:
+                return least
+        self._points, self._apart = points.copy(), closest_approach(points, self._length, self._spacing)
+        return self._apart
+
+
 def closest_between(
     a: np.ndarray, b: np.ndarray, step_a: float, step_b: float, needed: float = np.inf
 ) -> float:

@@ -6,13 +6,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.distance import gap
 from cable_ros.contact.friction_kernels import COULOMB
-from cable_ros.contact.gap_search import could_pass, passage
+from cable_ros.contact.gap_search import largest_motion, passage
 from cable_ros.contact.meshing import CLOSEST
 from cable_ros.contact.patch_ends import join
 from cable_ros.contact.patches import resample
@@ -25,8 +26,23 @@ from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.solve.trust_region import Options
 
+BETWEEN = 2.0
+"""Largest motion between nodes over that of the nodes: the Lebesgue constant of order 6 is 1.9."""
 MOST_NEAR = 50
 """Maximum number of iterations with stiff springs: a cable that snaps far needs fewer with soft ones."""
+
+
+class Room(NamedTuple):
+    """The least distance from the nearest obstacle; of these arrays, which nobody changes, and no others."""
+
+    shape: np.ndarray
+    """(n, 4) nodal frames."""
+    obstacles: np.ndarray
+    """(o, WIDTH)."""
+    samples: np.ndarray
+    """(m,) arc lengths at which it was looked for contact, L."""
+    left: float
+    """Least gap at the samples, less what is near, L."""
 
 
 class TouchingRod(ActiveSetRod):
@@ -35,6 +51,9 @@ class TouchingRod(ActiveSetRod):
     The contact points belong to its last equilibrium: `advance` and `minimum` change them, together with the
     lengths of the elements, and put them back where they fail.
     """
+
+    room: Room | None = None
+    """Of its last equilibrium; None: not known."""
 
     def variant(
         self, mesh: Mesh | None = None, stiffness: np.ndarray | None = None,
@@ -133,8 +152,12 @@ class TouchingRod(ActiveSetRod):
             code, iterations, q_new, F_new = super().advance(q, F, qe, re, f, tolerance, limit)
             if code != warm_step.ADVANCED:
                 return code, iterations, q_new, F_new
+            if self._stays_far(q, q_new, obstacles):
+                self.obstacles = obstacles
+                return code, iterations, q_new, F_new
             clearance, crossed = self._passage(q, F, q_new, F_new, self.obstacles, obstacles)
             near = clearance <= 0.5 * self.spacing
+            self.room = Room(q_new, obstacles, self.samples, clearance - 0.5 * self.spacing)
             if not near or (clearance > -self.depth and not self._dips(q_new, obstacles)):
                 if crossed:
                     self.set_conditions(*before)
@@ -157,6 +180,22 @@ class TouchingRod(ActiveSetRod):
         self.direction, self.ready = direction, False
         return warm_step.TOO_FAR, *result[1:]
 
+    def _stays_far(self, q: np.ndarray, q_new: np.ndarray, obstacles: np.ndarray) -> bool:
+        """Whether a bare step from q to q_new, (n, 4), to other `obstacles` cannot lead near any or past one.
+
+        What was left to the nearest one when that was computed last is used up by motions.
+        """
+        known, self.room = self.room, None
+        if known is None or known.left <= 0.0 or self.compliance.any():
+            return False
+        # a rod that was put back, or that other cables touch, may be another one, or among others
+        if not (known.shape is q and known.obstacles is self.obstacles and known.samples is self.samples):
+            return False
+        motion, width = largest_motion(q, q_new, known.obstacles, obstacles)
+        left = known.left - BETWEEN * motion
+        self.room = Room(q_new, obstacles, self.samples, left)
+        return BETWEEN * motion <= width and left > 0.0
+
     def _instead(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray, limit: float,
         obstacles: np.ndarray, failed: tuple[int, int, np.ndarray, np.ndarray],
@@ -178,8 +217,10 @@ class TouchingRod(ActiveSetRod):
             held: `touched` before.
         """
         assert self.obstacles is not None
-        if len(q) == len(q_new) and not could_pass(q, q_new, before, self.obstacles):
-            return False
+        if len(q) == len(q_new):
+            motion, width = largest_motion(q, q_new, before, self.obstacles)
+            if motion <= width:
+                return False
         shape, points = mesh.interpolate(q, self.mesh.nodes), self.points[: self.count]
         which = points[:, OBSTACLE].astype(int)
         self.trace(shape, F)

@@ -74,6 +74,7 @@ class CableOutputs:
         self._path_message = PathMessage(frames.world, polyline_points)
         self.worst: Equilibrium | None = None
         """The result of the highest diagnostic level since the last diagnostics."""
+        self._worst_severity: bytes = DiagnosticStatus.OK
         self._last: Equilibrium | None = None
 
     @property
@@ -85,15 +86,17 @@ class CableOutputs:
 
     def note(self, equilibrium: Equilibrium) -> None:
         """Remember a result for the diagnostics; the worst one is reported, otherwise the last."""
-        if self.worst is None or _severity(equilibrium) >= _severity(self.worst):
-            self.worst = equilibrium
+        severity = _severity(equilibrium)
+        if self.worst is None or severity >= self._worst_severity:
+            self.worst, self._worst_severity = equilibrium, severity
 
     def wrenches(self, stamp: int, equilibrium: Equilibrium) -> Iterator[tuple[Outlet, bytes]]:
         """The messages of all wrenches and of limits: the first can go out before the next is made."""
         yield self.end_wrench, self._end_message.fill(stamp, equilibrium.end_wrench)
         yield self.start_wrench, self._start_message.fill(stamp, equilibrium.start_wrench)
+        held = equilibrium.support_wrenches if self._supports else {}
         for name, (outlet, message) in self._supports.items():
-            yield outlet, message.fill(stamp, equilibrium.support_wrenches[name])
+            yield outlet, message.fill(stamp, held[name])
         if self.limits is not None:
             yield self.limits, self._limits_message.fill(stamp, equilibrium.extremes)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cable_ros import Status, Tracker, load_scene
-from cable_ros.contact.overlaps import closest_between
+from cable_ros.contact.overlaps import SelfApproach, closest_approach, closest_between
 
 LOOP = {
     "name": "loop",
@@ -93,3 +93,21 @@ def test_closest_of_polylines_by_dense_sampling() -> None:
         assert found <= expected + 1e-12
         # the nearest points are at most half a sample away on either
         assert found >= expected - sum(steps) / 118
+
+
+def test_a_bound_by_motions_says_the_same_as_the_distance():
+    """A loop that closes and opens: what is near is told exactly, and nothing is told nearer than it is."""
+    needed, spacing, angle = 0.05, 0.15, np.linspace(0.0, 1.0, 101)
+    approach, looked = SelfApproach(1.0, spacing), 0
+    for k, part in enumerate(np.concatenate([np.linspace(0.7, 1.02, 60), np.linspace(1.02, 0.7, 60)])):
+        turn = 2.0 * np.pi * part * angle
+        points = np.stack([np.cos(turn), np.sin(turn), 0.02 * angle + 0.01 * k], axis=1) / (
+            2.0 * np.pi * part
+        )
+        exact = closest_approach(points, 1.0, spacing)
+        told = approach.bound(points, needed)
+        assert told <= exact
+        assert (told < needed) == (exact < needed)
+        assert told == exact or exact >= needed
+        looked += told == exact
+    assert looked < 100
