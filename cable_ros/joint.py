@@ -270,10 +270,12 @@ def _pressed_obstacles(
     tracker: Tracker, equilibria: Mapping[str, Equilibrium], joints: Mapping[str, float]
 ) -> dict[str, np.ndarray]:
     """Jacobians (6, n) of the obstacles on links that a cable touches: about the world's origin and axes."""
-    obstacles = tracker.scene.obstacles
-    if all(obstacle.link is None for obstacle in obstacles):
+    if not tracker.kinematics.carries_obstacles:
         return {}
+    obstacles = tracker.scene.obstacles
     touched = {name for one in equilibria.values() for name in one.obstacle_wrenches}
+    if not touched:
+        return {}
     which = [i for i, one in enumerate(obstacles) if one.link is not None and one.name in touched]
     if not which:
         return {}

@@ -105,6 +105,18 @@ def test_agrees_with_shooting(lift: float, tolerance: float, axial: dict[str, fl
     assert np.abs([one.arc_length, other.arc_length] - exact.arcs).max() <= 10 * close * BELOW["length"]
 
 
+def test_limits_tell_the_clearance_from_obstacles_not_from_the_other_cable() -> None:
+    depth = 0.5
+    ground = {"name": "ground", "plane": {"point": [0.0, 0.0, -depth], "normal": [0.0, 0.0, 1.0]}}
+    limited = [one | {"limits": {"clearance": 0.01}} for one in (BELOW, ABOVE)]
+    found = lowered(tracker(limited, obstacles=[ground]), -0.03)
+    for one, cable in zip(found.values(), limited, strict=True):
+        (clearance,) = [extreme for extreme in one.extremes if extreme.quantity.name == "clearance"]
+        lowest = one.points[:, 2].min()
+        assert clearance.obstacle == "ground"
+        assert clearance.value == pytest.approx(lowest + depth - 0.5 * cable["outer_diameter"], abs=1e-4)
+
+
 def test_forces_are_in_balance() -> None:
     """What one exerts on the other comes back, along the line between points that are the radii apart."""
     found = lowered(tracker([BELOW, ABOVE]), -0.03)

@@ -184,13 +184,22 @@ def residual_of(ends: Sequence[Ends], friction: np.ndarray, loose: Sequence[Loos
     for i, end in enumerate(loose):
         at = PER * len(friction) + LOOSE * i
         out[at : at + LOOSE] = end.residual(ends[-end.which].wrenches[END if end.which else START])
-    for j, slip in enumerate(friction):
+    for j, slip in enumerate(friction.tolist()):
         before, after = ends[j], ends[j + 1]
-        total = before.wrenches[END] + after.wrenches[START]
-        out[PER * j : PER * j + 3] = -total[3:]
-        push = slip * float(np.hypot(total[0], total[1])) if slip else 0.0
-        out[PER * j + 3] = after.forces[0] - before.forces[1] - push
+        _at_support(before.wrenches, after.wrenches, before.forces, after.forces, slip, j, out)
     return out
+
+
+@njit(**LEAF_ENTRY)
+def _at_support(before, after, forces_before, forces_after, slip, j, out):  # type: ignore[no-untyped-def]
+    """The part of `residual_of` that belongs to support j, into `out` (N,).
+
+    `before`, `after`: (12,) wrenches of the pieces on its sides, (2,) configurational forces of these.
+    """
+    for a in range(3):
+        out[PER * j + a] = -(before[9 + a] + after[3 + a])
+    push = slip * np.hypot(before[6] + after[0], before[7] + after[1]) if slip != 0.0 else 0.0
+    out[PER * j + 3] = forces_after[0] - forces_before[1] - push
 
 
 def assemble(sides: Sequence[Side], friction: np.ndarray, loose: Sequence[Loose] = ()) -> System:

@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -16,11 +15,10 @@ from cable_ros.contact.distance import placed
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.limits import QUANTITIES, Extreme
-from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import place
 from cable_ros.rod.elements import integrals, reference_element
 from cable_ros.rod.kirchhoff import NO_LINES, Rod
-from cable_ros.rod.resultants import CURVATURE, ROUGH, TENSION, TWIST, centreline, largest, survey
+from cable_ros.rod.resultants import CURVATURE, ROUGH, TENSION, TWIST, largest, survey
 from cable_ros.rod.units import Units
 from cable_ros.scene.cable_limits import CableLimits
 
@@ -39,6 +37,8 @@ class Obstacles:
     links: np.ndarray
     """(n, 7) these links in the world."""
     names: Sequence[str]
+    placed: np.ndarray | None = None
+    """(n, WIDTH) as `distance.placed` makes them, if they are known."""
 
 
 def extremes(
@@ -96,7 +96,7 @@ class Reading:
     compliance: np.ndarray
     """(3,) of shear and axial strain."""
     loads: tuple[np.ndarray, ...]
-    """Fields of `resultants.Loads`, but the end moment along the end frame's axes."""
+    """Fields of `resultants.Loads`."""
     start: np.ndarray
     """(7,) the start clamp in the world, m, quaternion x y z w."""
     unit: Units
@@ -106,25 +106,17 @@ class Reading:
     """(m, g + 1, 3) coefficients; None: those of the frames."""
 
     @cached_property
-    def _fields(self) -> tuple[tuple[Any, ...], tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-        """Fields of `resultants.Shape`, `Law` and `Loads`."""
-        (h, s0, order), c, (F, M, *others) = self.mesh, self.centreline, self.loads
+    def _survey(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The samples and the bounds of `resultants.survey`, those in SI units, and the centreline."""
+        (h, s0, order), c, nodes = self.mesh, self.centreline, reference_element(self.mesh[2]).nodes
+        stretch = self.compliance, NO_LINES, NO_ARC_LENGTHS, NO_LINES
         if c is None:
             values, primitives, _ = integrals(order)
-            points = reference_element(order, len(values)).points
+            stretch = self.compliance, values, reference_element(order, len(values)).points, primitives
             c = np.empty((len(h), len(values) + 1, 3))
-            centreline(self.q, F, others[0], self.compliance, h, s0, values, points, primitives, c)
-        shape = self.q, h, s0, reference_element(order).nodes, c
-        return shape, self.law, (F, quaternion.rotate(self.q[-1], M), *others)
-
-    @cached_property
-    def _survey(self) -> tuple[np.ndarray, np.ndarray]:
-        """The samples and the bounds of `resultants.survey`, those in SI units."""
-        _, h, _, nodes, _ = self._fields[0]
-        samples = np.empty((len(h) + len(self.loads[3]), 2 * len(nodes) + 1, 3))
-        bounds = np.empty((2, 3))
-        survey(*self._fields, samples, bounds)
-        return samples, bounds * self._scale
+        samples, bounds = np.empty((len(h) + len(self.loads[3]), 2 * len(nodes) + 1, 3)), np.empty((2, 3))
+        survey((self.q, h, s0, nodes, c), self.law, self.loads, stretch, samples, bounds)
+        return samples, bounds * self._scale, c
 
     @property
     def _scale(self) -> tuple[float, float, float]:
@@ -142,8 +134,10 @@ class Reading:
 
         Those that may be above `least` (3,), SI, of the squared curvature; see `resultants.largest`.
         """
-        out, scale = np.empty((3, 2)), self._scale
-        largest(*self._fields, self._survey[0], np.divide(least, scale), out)
+        (h, s0, order), out, scale = self.mesh, np.empty((3, 2)), self._scale
+        samples, _, c = self._survey
+        shape = self.q, h, s0, reference_element(order).nodes, c
+        largest(shape, self.law, self.loads, samples, np.divide(least, scale), out)
         found: list[list[float]] = out.tolist()
         for row, unit in zip(found, (scale[TWIST], *scale[TENSION:]), strict=True):
             row[0] *= unit
@@ -151,18 +145,19 @@ class Reading:
 
     def clearance(self, most: float) -> tuple[float, float, int]:
         """Least distance from the obstacles, m, its arc length, L, and which one it is; see `clearance`."""
-        beside, length = self.obstacles, self.unit.length
-        _, h, s0, _, c = self._fields[0]
-        obstacles = placed(beside.local, beside.links, self.start, length)
-        least, at, which = clearance(c, h, s0, obstacles, most / length)
+        beside, length, (h, s0, _) = self.obstacles, self.unit.length, self.mesh
+        obstacles = beside.placed
+        if obstacles is None:
+            obstacles = placed(beside.local, beside.links, self.start, length)
+        least, at, which = clearance(self._survey[2], h, s0, obstacles, most / length)
         return least * length, at, which
 
     def extreme(self, k: int, value: float, s: float, obstacle: str, before: float) -> Extreme:
         """Of quantity k, at the arc length s, L; a length `before`, m, of the cable comes before the rod."""
         r, at = np.full(3, np.nan), math.nan
         if math.isfinite(value):
-            _, h, s0, _, c = self._fields[0]
-            place(c, h, s0, s, self.start, self.unit.length, r)
+            h, s0, _ = self.mesh
+            place(self._survey[2], h, s0, s, self.start, self.unit.length, r)
             at = s * self.unit.length + before
         quantity = QUANTITIES[k]
         return Extreme(quantity, value, at, r, getattr(self.limits, quantity.name), obstacle)

@@ -23,6 +23,7 @@ from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.extremes import Obstacles, Reading, extremes
 from cable_ros.branch.snap_through import FREE_TO_TURN, SnapThrough
 from cable_ros.common.backoff import Backoff
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_contacts import MOST
 from cable_ros.contact.nodal_rod import NodalRod
@@ -58,6 +59,9 @@ FREE = "Converged to one of a continuous family of equilibria: the cable turns f
 
 class TrackedEquilibrium(CableModel):
     """A cable with its last equilibrium, and whether its branch is known."""
+
+    _compared: tuple[np.ndarray | None, np.ndarray | None, bool] = None, None, False
+    """Obstacles that were compared last, and whether they are where those of the equations are."""
 
     def __init__(
         self, cable: Cable, properties: Properties, tolerance: float, polyline_points: int,
@@ -391,8 +395,20 @@ class TrackedEquilibrium(CableModel):
             start: (7,) the start clamp in the world.
         """
         assert self._rod is not None
-        beside = Obstacles(obstacles, links, self._names)
+        known = self._obstacles is not None and self._ends is None and self._same_obstacles(obstacles)
+        # behind them are those that stand for other cables
+        placed = self._rod.obstacles[: len(obstacles)] if known and self._rod.obstacles is not None else None
+        beside = Obstacles(obstacles, links, self._names, placed)
         return extremes(self._rod, self._q, self._F, start, self._units, limits, beside)
+
+    def _same_obstacles(self, obstacles: np.ndarray) -> bool:
+        """Whether these (n, WIDTH) are where those of its equations are."""
+        if self._compared[0] is not obstacles or self._compared[1] is not self._obstacles:
+            assert self._obstacles is not None
+            geometry = slice(FRICTION_COEFFICIENT)
+            same = np.array_equal(obstacles[:, geometry], self._obstacles[:, geometry])
+            self._compared = obstacles, self._obstacles, same
+        return self._compared[2]
 
     @property
     def rod(self) -> Rod | None:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, njit
+from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import curve, lagrange, position
 from cable_ros.rod.extensible_kernels import axes
 
@@ -66,7 +67,7 @@ class Loads(NamedTuple):
     F: np.ndarray
     """(3,) end force, EI / L^2."""
     M: np.ndarray
-    """(3,) end moment along the start frame's axes, EI / L."""
+    """(3,) end moment along the end frame's axes, EI / L."""
     f: np.ndarray
     """(3,) load per length, EI / L^3."""
     arc_lengths: np.ndarray
@@ -283,16 +284,22 @@ def search(shape, law, f, balance, e, begin, end, work, samples, least, out):
 
 
 @njit(**OPTIONS)
-def survey(shape, law, loads, samples, bounds):
+def survey(shape, law, loads, stretch, samples, bounds):
     """Sample the fields along the rod, for `largest`.
 
     Between two point forces of an element they are smooth: there are 2 order + 1 samples of each such part.
 
     Args:
         shape, law, loads: fields of `Shape`, `Law` and `Loads`, as plain tuples.
+        stretch: compliance, values, points and primitives of `centreline`, by which the curve of the shape is
+            computed; without values it is there already.
         samples: (m + k, 2 order + 3, 3) receives squared bending curvature, tension and elastic twist.
         bounds: (2, 3) receives the largest of them, and what their maxima do not exceed.
     """
+    q, h, s0, _, c = shape
+    compliance, values, points, primitives = stretch
+    if values.shape[0] > 0:
+        centreline(q, loads[0], loads[2], compliance, h, s0, values, points, primitives, c)
     bounds[:] = -np.inf
     sweep(Shape(*shape), Law(*law), Loads(*loads), samples, bounds[0], bounds, False)
 
@@ -326,10 +333,10 @@ def sweep(shape, law, loads, samples, least, out, refining):
         out: the bounds of `survey`, or as in `largest`.
         refining: whether to `search`.
     """
-    _, h, s0, _, c = shape
+    q, h, s0, _, c = shape
     F, M, f, arc_lengths, forces = loads
     elements, top = h.shape[0], c.shape[1]
-    balance = Balance(np.zeros((elements + 1, 3)), M.copy(), F.copy())
+    balance = Balance(np.zeros((elements + 1, 3)), quaternion.rotate(q[q.shape[0] - 1], M), F.copy())
     tails, lever, force = balance
     for e in range(elements - 1, -1, -1):
         for a in range(3):

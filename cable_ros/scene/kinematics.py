@@ -40,6 +40,8 @@ class Kinematics:
         """(n_pieces, 2) whether start and end are free: no link feels their load."""
         self._clamp_poses = self._clamps.poses.reshape(self._shape)
         carriers = list(dict.fromkeys(obstacle.link for obstacle in scene.obstacles))
+        self.carries_obstacles = any(link is not None for link in carriers)
+        """Whether an obstacle is on a link."""
         self._obstacles = _Frames(carriers, np.tile(_IDENTITY, (len(carriers), 1)))
         self._carrier = np.array([carriers.index(obstacle.link) for obstacle in scene.obstacles], dtype=int)
         self._carried: tuple[bytes | None, np.ndarray] | None = None  # of the obstacles, and where that is
