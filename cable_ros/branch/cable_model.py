@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from cable_ros.branch.cold_start import (
     Conditions,
 )
 from cable_ros.branch.held_ends import ends_of
+from cable_ros.contact.destination import destination
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, nearest, placed
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.shortest_path import too_short
@@ -25,6 +27,23 @@ CLAMP_DEPTH = 1e-6
 MODELS = {"coulomb": COULOMB, "sliding": SLIDING}
 LONGEST_STRETCH = 1.1
 """Maximum chord of an extensible cable, L: beyond it the stiffness is not constant."""
+
+
+class Destination(NamedTuple):
+    """Where a step leads, units of the cable, start clamp's frame."""
+
+    qe: np.ndarray
+    """(4,) end frame."""
+    re: np.ndarray
+    """(3,) end position."""
+    f: np.ndarray
+    """(3,) load per length."""
+    obstacles: np.ndarray | None = None
+    """(o, WIDTH); None: no contact."""
+    travel: float = 0.0
+    """See `contact.travel`."""
+    room: float = np.inf
+    """Least gap at the clamps."""
 
 
 class CableModel:
@@ -71,10 +90,29 @@ class CableModel:
         qe, re, f = relative(poses, before, self._weight, self._units.length, self._units.force)
         return Conditions(qe, re, f, self._placed(kinematics, joints, poses))
 
+    def _destination(
+        self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, rod: Rod
+    ) -> Destination:
+        """Where a step of `rod` to the clamps' `poses` (2, 7) leads."""
+        unit, around = self._units, self._around(kinematics, joints, poses[0])
+        if around is None:
+            return Destination(*relative(poses, rod.qe, self._weight, unit.length, unit.force))
+        conditions = np.empty(4), np.empty(3), np.empty(3), around[0].copy()
+        last, size = (rod.qe, rod.re, rod.obstacles), (unit.length, unit.force)
+        return Destination(*conditions, *destination(poses, last, self._weight, size, around, conditions))
+
     def _placed(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> np.ndarray | None:
-        if self._obstacles is None:
-            return None
-        return placed(self._obstacles, kinematics.obstacle_poses(joints), poses[0], self._units.length)
+        around = self._around(kinematics, joints, poses[0])
+        return None if around is None else placed(*around, poses[0], self._units.length)
+
+    def _around(
+        self, kinematics: Kinematics, joints: np.ndarray, start: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Obstacles (o, WIDTH) in frames, SI, and (o, 7) these in the world; None: no contact.
+
+        `start` (7,): the start clamp in the world.
+        """
+        return None if self._obstacles is None else (self._obstacles, kinematics.obstacle_poses(joints))
 
     def _chord(self, conditions: Conditions) -> float:
         """Least distance of the cable's ends, L."""

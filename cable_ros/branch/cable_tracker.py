@@ -13,6 +13,7 @@ import numpy as np
 
 from cable_ros.branch import handover
 from cable_ros.branch.branch_record import Loss
+from cable_ros.branch.cable_model import CLAMP_DEPTH
 from cable_ros.branch.cold_start import (
     MOST_ELEMENTS,
     Conditions,
@@ -170,13 +171,10 @@ class CableTracker(SearchedEquilibrium):
         rod.patience, rod.short = PATIENCE, False
         if self._share < 1.0 or _largest_difference(joints, self._joints) > LONGEST:
             return self._continue_to(kinematics, index, joints, poses, begin)
-        qe, re, f = relative(poses, rod.qe, self._weight, self._units.length, self._units.force)
-        obstacles = self._placed(kinematics, joints, poses)
-        if obstacles is not None and (inside := self._clamp_inside(obstacles, re)):
+        qe, re, f, obstacles, far, room = self._destination(kinematics, joints, poses, rod)
+        if room < -CLAMP_DEPTH and (inside := self._clamp_inside(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, inside, time.perf_counter() - begin)
-        if obstacles is not None and (
-            travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) > rod.longest_step
-        ):
+        if far > rod.longest_step:
             return self._continue_to(kinematics, index, joints, poses, begin)
         before = conditions_of(rod) if self._remembers else None
         code, iterations, q, F = rod.advance(

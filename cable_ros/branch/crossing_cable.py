@@ -14,7 +14,7 @@ from cable_ros.branch.shared_piece import Kept, Place, SharedPiece
 from cable_ros.branch.strand_springs import Strands, StrandSprings
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.crossing import Curve
-from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, SHAPE, SPHERE, WIDTH, placed
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, SHAPE, SPHERE, WIDTH
 from cable_ros.contact.overlaps import SPACING, closest_approach
 from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT
 from cable_ros.contact.report import contact_table
@@ -32,11 +32,11 @@ ASIDE = 1e-4
 """Rotation of sections, rad, by which a descent begins beside an equilibrium that it leaves."""
 DEEP = 0.9
 """Distance of two parts in diameters, by a polyline, below which they overlap for certain."""
-WORLD = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+WORLD = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 def _nowhere() -> np.ndarray:
-    """(WIDTH,) an obstacle that is nowhere, in units of the cable."""
+    """(WIDTH,) an obstacle that is nowhere, in the frame of the start clamp."""
     row = np.zeros(WIDTH)
     row[SHAPE], row[AXES:DIMENSIONS], row[OFFSET] = SPHERE, np.eye(3).ravel(), -1e6
     return row
@@ -96,16 +96,17 @@ class CrossingCable(SharedPiece):
         self._reader, self._outline = Reader(), Reader()  # its length stays
         self._seen: dict[int, np.ndarray] = {}
 
-    def _placed(self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        fixed = super()._placed(kinematics, joints, poses)
+    def _around(
+        self, kinematics: Kinematics, joints: np.ndarray, start: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        fixed = super()._around(kinematics, joints, start)
         assert fixed is not None
-        slots = np.tile(_nowhere(), (SLOTS, 1))
+        # what is nowhere moves with the cable, so that no step has to be short because of it
+        slots, frames = np.tile(_nowhere(), (SLOTS, 1)), np.tile(start, (SLOTS, 1))
         if self._seen:
-            rows = np.stack(list(self._seen.values()))
-            slots[list(self._seen)] = placed(
-                rows, WORLD.repeat(len(rows), axis=0), poses[0], self._units.length
-            )
-        return np.concatenate([fixed, slots])
+            which = list(self._seen)
+            slots[which], frames[which] = list(self._seen.values()), WORLD
+        return np.concatenate([fixed[0], slots]), np.concatenate([fixed[1], frames])
 
     @property
     def first_slot(self) -> int:
@@ -132,10 +133,12 @@ class CrossingCable(SharedPiece):
         if not changed or rod is None:
             return
         assert isinstance(rod, ActiveSetRod)
+        there = self._placed(kinematics, joints, poses)
         assert rod.obstacles is not None
+        assert there is not None
         which = [self.first_slot + slot for slot in changed]
         obstacles = rod.obstacles.copy()
-        obstacles[which] = self._placed(kinematics, joints, poses)[which]
+        obstacles[which] = there[which]
         points, _, h, s0 = rod.state()
         points = points[~np.isin(points[:, OBSTACLE].astype(int), which)]
         rod.restore((points, len(points), h, s0))

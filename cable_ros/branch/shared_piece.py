@@ -24,7 +24,7 @@ from cable_ros.contact.distance import placed
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.lengthening import lengthen
 from cable_ros.contact.points import BEFORE, FRICTION
-from cable_ros.contact.travel import SHORTER, travel
+from cable_ros.contact.travel import SHORTER
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
@@ -245,15 +245,10 @@ class SharedPiece(CableTracker):
         longer = abs(place.length / self._judged_length - 1.0) > LENGTHENED
         kept = self.keep() if longer else None
         then = self._lengthen(rod, place)
-        unit = self._units
-        qe, re, f = relative(place.poses, rod.qe, self._weight, unit.length, unit.force)
-        obstacles = self._placed(kinematics, joints, place.poses)
-        near = obstacles is None or (
-            travel(rod.qe, rod.re, rod.obstacles, qe, re, obstacles) <= rod.longest_step
-        )
+        qe, re, f, obstacles, far, _ = self._destination(kinematics, joints, place.poses, rod)
         self._let_yield(rod, place)
         holds = rod.chord(qe, re) < 1.0 and self.slack > STRAIGHT
-        if near and (place.yields is not None or holds):
+        if far <= rod.longest_step and (place.yields is not None or holds):
             rod.work, rod.patience, rod.short, rod.trial = self._full_budget, 0, False, self.rubs
             for tolerance in (1.0, STALLED):
                 rod.then = then

@@ -163,12 +163,14 @@ def placed(local: np.ndarray, links: np.ndarray, start: np.ndarray, length: floa
     Poses in the world, x y z, quaternion x y z w; the result is in units of the cable's length.
     """
     out = local.copy()
-    _place(local, links, start, length, out)
+    place_obstacles(local, links, start, length, out)
     return out
 
 
 @njit(cache=True)
-def _place(local: np.ndarray, links: np.ndarray, start: np.ndarray, length: float, out: np.ndarray) -> None:
+def place_obstacles(
+    local: np.ndarray, links: np.ndarray, start: np.ndarray, length: float, out: np.ndarray
+) -> None:
     """`placed` in a copy `out` of `local`: compiled code returns arrays more slowly than Python."""
     a = np.array([start[6], -start[3], -start[4], -start[5]])
     b = np.empty(4)

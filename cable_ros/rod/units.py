@@ -41,12 +41,12 @@ def relative(
     followed. Returns the end frame (4,) scalar first, end position (3,) and load (3,).
     """
     qe, re, f = np.empty(4), np.empty(3), np.empty(3)
-    _relative(poses, previous, weight, length, force, qe, re, f)
+    relative_conditions(poses, previous, weight, length, force, qe, re, f)
     return qe, re, f
 
 
 @njit(**LEAF_ENTRY)
-def _relative(poses, previous, weight, length, force, qe, re, f):  # type: ignore[no-untyped-def]
+def relative_conditions(poses, previous, weight, length, force, qe, re, f):  # type: ignore[no-untyped-def]
     """`relative` with space for what it returns: compiled code makes arrays more slowly than Python."""
     start, end = poses[0], poses[1]
     inverse = start[6], -start[3], -start[4], -start[5]
