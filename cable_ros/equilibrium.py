@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from cable_ros.limits import Extreme
+from cable_ros.linalg.cross import cross
 
 
 class Status(enum.Enum):
@@ -126,7 +127,7 @@ class ContactTable:
 
     def obstacle_wrenches(self) -> dict[str, np.ndarray]:
         """See `Equilibrium.obstacle_wrenches`."""
-        exerted = -np.concatenate([self.force, np.cross(self.position, self.force)], axis=1)
+        exerted = -np.concatenate([self.force, cross(self.position, self.force)], axis=1)
         # another cable is there once for each place where it touches
         which = [self.names.index(self.names[k]) for k in self.obstacle.tolist()]
         sums = np.zeros((len(self.names), 6))

@@ -283,7 +283,7 @@ def _pressed_obstacles(
     jacobians = tracker.kinematics.obstacle_jacobians(q)[which]
     origins = tracker.kinematics.obstacle_poses(q)[which, :3]
     # of the link's point that passes through the world's origin
-    jacobians[:, :3] += np.cross(origins[:, :, None], jacobians[:, 3:], axis=1)
+    jacobians[:, :3] += cross(origins[:, None], jacobians[:, 3:].swapaxes(1, 2)).swapaxes(1, 2)
     return {obstacles[i].name: jacobian for i, jacobian in zip(which, jacobians, strict=True)}
 
 
