@@ -47,6 +47,20 @@ def test_a_cable_slides_off_at_the_same_place_however_the_path_is_told(
         assert np.linalg.norm(end - ends[0]) < SAME * np.linalg.norm(ends[0])
 
 
+def test_a_cable_falls_from_its_last_contact_however_the_path_is_told() -> None:
+    """Over rough rollers: the contact that alone kept it in its plane lets go; it comes down beside it."""
+    case, ends = drawn_case(123, 47, 1e-4), []
+    for parts in (1, 2, 4):
+        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+        found = [tracker.arrive(joints)["cable"] for joints in refined(case.path[:9], parts)]
+        assert {one.status for one in found} <= {Status.CONVERGED, Status.SNAPPED}
+        before, after = (np.abs(found[i].points[:, 1]).max() for i in (4 * parts, -1))
+        assert before < 1e-9 < 1e-2 < after
+        ends.append(found[-1].end_wrench)
+    for end in ends[1:]:
+        assert np.linalg.norm(end - ends[0]) < SAME * np.linalg.norm(ends[0])
+
+
 def test_no_last_digit_picks_the_side() -> None:
     """A planar cable falls out of its plane: which way is not for the 12th digit of its joints to say."""
     case, ends = drawn_case(108, 6, 1e-4), []

@@ -49,7 +49,7 @@ LEAST = 1e-9
 OVERHEAD = 250
 """Cost of a step beside its iterations, in iterations times unknowns: kinematics and calls."""
 NEAR = 30.0
-"""Number of shortest steps below which a failed step records the stability margin."""
+"""Number of shortest steps below which a failed step always records the stability margin."""
 DESCENT_COST = 4
 """Work of an iteration of an energy descent, in iterations of a warm step."""
 FREE_SNAPS = 2
@@ -192,7 +192,8 @@ def continue_branch(
         hard = step * 0.5 < smallest * longest or spent > most
         stable = (free or fallback is None or not hard) and rod.refactor(q, F)
         lets_go = free and stable and rod.short and rod.lets_go(q, F, EDGE * far)
-        folding = free and (not stable or lets_go or (fallback is not None and rod._softest() < SMALL))
+        margin = rod._softest() if free and stable and fallback is not None else None
+        folding = free and (not stable or lets_go or (margin is not None and margin < SMALL))
         if folding:
             rod.patience = 0
         if fallback is not None and not folding and (hard or not stable):
@@ -216,8 +217,10 @@ def continue_branch(
             stable = stable or rod.refactor(q, F)
         if not (stable or folding):
             return ended(End.STUCK)
-        if stable and step < NEAR * SHORTEST * longest and (not margins or margins[-1][0] < at):
-            margins.append((at, rod._softest()))
+        if stable and (not margins or margins[-1][0] < at):
+            margin = rod._softest() if step < NEAR * SHORTEST * longest else margin
+            if margin is not None:
+                margins.append((at, margin))
         crossed = (code == warm_step.NOT_CONVEX and rod.remembers) or not stable or lets_go
         # a cable that turns freely goes far in any step
         turns = free and bool(margins) and margins[-1][1] < FREE_TO_TURN

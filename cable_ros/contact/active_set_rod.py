@@ -306,7 +306,10 @@ class ActiveSetRod(FixedSetRod):
                 return warm_step.ADVANCED if ready else warm_step.NOT_CONVEX, iterations, q_new, F_new
         if moved and remesh:
             self._remeshing.skip()
-        left_unstable = self.bare and not super().refactor(q_new, F_new)
+        left_unstable = False
+        if self.bare:  # what it does against a drag is judged with it
+            self.linearize(q_new, F_new)
+            left_unstable = not self.factor(self.drag)
         if sunk or left_unstable:
             self.restore(kept, mesh)
             self.set_conditions(*before)

@@ -55,6 +55,7 @@ def flow(
     begin, trial = _state(rod), rod.trial
     rod.trial = True
     drag, last, floor, energy, spent, rests = FIRST, FIRST, 0.0, np.inf, 0, False
+    before = slow = np.inf  # rotation in the last step, and what it must be below to come to rest, rad
     for _ in range(STEPS):
         if rod.work <= 0.0 or drag > LARGEST:
             break
@@ -69,12 +70,17 @@ def flow(
                 rests = drag == 0.0
                 if rests:
                     break
-                energy, floor, last = stored, EASES * floor, drag
+                energy, floor, last, before = stored, EASES * floor, drag, moved
                 if moved < CALM:
-                    drag = 0.0 if drag * moved < STILL else max(FADES * drag, floor)
+                    still = drag * moved < STILL and moved < slow
+                    drag = 0.0 if still else max(FADES * drag, floor)
                 continue
         _put_back(rod, *here)
-        drag = floor = GROWS * drag if drag > 0.0 else last
+        if drag > 0.0:
+            drag = floor = GROWS * drag
+        else:
+            # slow because it has only begun to leave: it comes to rest after it has slowed down again
+            drag, slow = FADES * last, 0.5 * before
     rod.drag, rod.trial, rod.ready = 0.0, trial, False
     if rests and rod.refactor(q, F):
         return q, F, spent
