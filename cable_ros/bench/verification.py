@@ -101,22 +101,24 @@ def verify(
     claimed = (claim.points, claim.orientations, claim.start_wrench, claim.end_wrench)
     if not all(np.all(np.isfinite(a)) for a in claimed):
         return _failed(0)
-    touches = apart(touches)
+    reported, touches = touches, apart(touches)
     tries = [refine(rod, *claimed, touches, iterations=iterations)]
     if any(touch.slides for touch in touches) and not tries[0].converged:
         sticking = [replace(touch, slides=False) for touch in touches]
         tries.append(refine(rod, *claimed, sticking, iterations=iterations))
+    if not any(one.converged for one in tries):
+        tries.append(refine(rod, *claimed, apart(reported, 0.5 * ALONE), iterations=iterations))
     if not touches and claim.stability_margin < NEUTRAL_MARGIN:
         tries.append(refine(rod, *claimed, iterations=iterations, neutral=True))
     return min(tries, key=lambda one: one.wrench_error)
 
 
-ALONE = 0.03
-"""Of touches on one surface nearer to each other than half of this, a fourth where they slide, parts of the
-length, one holds."""
+ALONE, ENDS = 0.03, 0.004
+"""Of touches on one surface nearer to each other than half of this, parts of the length, one holds; of points
+and ends of patches, which bear most of the force and slide, nearer than this."""
 
 
-def apart(touches: Sequence[Touch]) -> list[Touch]:
+def apart(touches: Sequence[Touch], distance: float = ALONE) -> list[Touch]:
     """Touches that hold the rod, at some distance from each other; those in between keep the reported forces.
 
     The rod can hardly tell apart the forces of points side by side on one surface, so they cannot be found
@@ -124,17 +126,19 @@ def apart(touches: Sequence[Touch]) -> list[Touch]:
     alone, but for the pressure beside a lift-off, slide to where the gap is smallest: a soft rod, and one
     that is all but taut, answers to a place that is a little off by a shape that is much more so.
     """
+    held: dict[object, list[float]] = {}
     out: list[Touch] = []
-    last: dict[object, float] = {}
-    for touch in sorted(touches, key=lambda touch: touch.place):
-        away = touch.place - last.get(touch.surface, -1.0)
-        holds = touch.holds and away > (0.25 if touch.slides else 0.5) * ALONE
+    ordered = sorted(touches, key=lambda touch: (not touch.slides, touch.place))
+    for touch in ordered:
+        others = held.setdefault(touch.surface, [])
+        least = ENDS if touch.slides else 0.5 * distance
+        holds = touch.holds and all(abs(touch.place - other) > least for other in others)
         if holds:
-            last[touch.surface] = touch.place
+            others.append(touch.place)
         near = [other for other in touches if abs(other.place - touch.place) < 0.25 * ALONE]
         alone = sum(other.surface is touch.surface and other.slides for other in near) == 1
         out.append(replace(touch, holds=holds, slides=touch.slides and holds and alone))
-    return out
+    return sorted(out, key=lambda touch: touch.place)
 
 
 @np.errstate(all="ignore")
