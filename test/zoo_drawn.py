@@ -225,6 +225,13 @@ FOUND = {
     (117, 7): "in a rough corner: a contact all but flat slides, and begins to lie",
     (117, 15): "along a rough edge: in short steps it needs no grid",
     (117, 98): "over rough beams: the cable slides off ever faster, and falls",
+    (93, 16): "a contact on a tray that sticks as the path goes on",
+    (93, 46): "over a rough edge along itself, on a grid",
+    (94, 0): "a tray, along: a grid's error is small enough",
+    (96, 125): "a tray, dragged along: it slides as friction lets it",
+    (110, 9): "a light cable over two rough beams",
+    (115, 58): "in a rough corner: both wrenches",
+    (115, 122): "over a rough edge: it falls, and stays outside",
     (122, 2): "a lift that lies up to its clamp, which leaves the ground: all at once, so does the cable",
     (122, 23): "a buckled cable that is free to turn is led aside: the path leaves it one place",
 }
