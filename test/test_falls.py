@@ -85,10 +85,10 @@ def test_energy_only_falls(monkeypatch: pytest.MonkeyPatch) -> None:
         return flow(rod, *args)
 
     def steps(rod, *args):  # type: ignore[no-untyped-def]
-        count, arrived = step(rod, *args)
+        code, count, arrived = step(rod, *args)
         if arrived is not None:
             energies[-1].append(float(rod.totals[ENERGY]))
-        return count, arrived
+        return code, count, arrived
 
     monkeypatch.setattr(viscous_flow, "_step", steps)
     monkeypatch.setattr(TouchingRod, "fall_with_friction", falls)

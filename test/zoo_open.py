@@ -25,7 +25,10 @@ DRAWN = {
     (96, 39): "a lift: 3.6 % off, a grid's estimate is too small",
     (100, 22): "a lift falls over beside its clamp, in one step",
     (100, 32): "an edge on a grid: 3.6e-5 of the length inside",
-    (101, 2): "a rough lift leaves the ground at its clamp: reported from there on",
+    (
+        101,
+        2,
+    ): "a rough lift leaves the ground at its clamp and falls: two poses are reported, then 5 %",
     (101, 6): "a hose of 201 poses: the direction of slip settles late; had, and too slow",
     (103, 23): "a lift on a grid slides 2e-3 of the length the way its friction pushes",
     (104, 38): "a grid on top of a rough ball, beside which the judge finds nothing",

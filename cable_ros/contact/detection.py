@@ -23,6 +23,7 @@ from cable_ros.contact.points import (
     FIRST,
     FORCE,
     KIND,
+    LAST,
     NUMBER,
     OBSTACLE,
     POINT,
@@ -289,7 +290,9 @@ def rise_between(shape, begin, end, obstacle):
 
 @njit(**INNER)
 def release(shape, obstacles, points, count):
-    """Drop the points that have come so near to a clamp that the clamp bears their force; see RESTING.
+    """Drop what has come so near to a clamp that this bears its force: points, and rough patches up to it.
+
+    See RESTING.
 
     Args:
         shape: `Shape`.
@@ -297,19 +300,41 @@ def release(shape, obstacles, points, count):
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
 
     Returns:
-        How many there were, and the number of points.
+        How many points there were less, and the number of points.
     """
     at = surface()
     before, i = count, 0
     while i < count:
-        s = points[i, ARC_LENGTH]
-        if points[i, KIND] == POINT and min(s, 1.0 - s) < RESTING:
-            gap_at(shape, s, obstacles[int(points[i, OBSTACLE])], at)
+        s, kind, o = points[i, ARC_LENGTH], points[i, KIND], int(points[i, OBSTACLE])
+        outer = (kind == FIRST and s > 0.5) or (kind == LAST and s < 0.5)
+        # a smooth patch so short becomes a point before it comes here
+        rough = obstacles[o, FRICTION_COEFFICIENT] > 0.0
+        if (kind == POINT or (outer and rough)) and min(s, 1.0 - s) < RESTING:
+            gap_at(shape, s, obstacles[o], at)
             if max(at.bends[0], at.bends[1]) * RESTING < EDGED:
                 count = remove(points, count, i)
+                if kind != POINT:
+                    count = strip(points, count, o, s)
+                i = 0
                 continue
         i += 1
     return before - count, count
+
+
+@njit(**INNER)
+def strip(points, count, o, s):
+    """Drop all on obstacle o from arc length s to the next clamp; returns the number of points.
+
+    `points`, `count`: as in `release`.
+    """
+    i = 0
+    while i < count:
+        beyond = points[i, ARC_LENGTH] >= s if s > 0.5 else points[i, ARC_LENGTH] <= s
+        if points[i, OBSTACLE] == o and beyond:
+            count = remove(points, count, i)
+        else:
+            i += 1
+    return count
 
 
 @njit(**INNER)

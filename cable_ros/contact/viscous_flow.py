@@ -60,7 +60,7 @@ def flow(
         if rod.work <= 0.0 or drag > LARGEST:
             break
         here = _state(rod)
-        count, arrived = _step(rod, drag, q, F, ends, passed)
+        code, count, arrived = _step(rod, drag, q, F, ends, passed)
         spent += count
         if arrived is not None:
             stored = float(rod.totals[ENERGY])
@@ -78,9 +78,11 @@ def flow(
         _put_back(rod, *here)
         if drag > 0.0:
             drag = floor = GROWS * drag
-        else:
+        elif code == warm_step.NOT_CONVEX:
             # slow because it has only begun to leave: it comes to rest after it has slowed down again
             drag, slow = FADES * last, 0.5 * before
+        else:
+            drag = floor = last
     rod.drag, rod.trial, rod.ready = 0.0, trial, False
     if rests and rod.refactor(q, F):
         return q, F, spent
@@ -90,14 +92,14 @@ def flow(
 
 def _step(
     rod: ActiveSetRod, drag: float, q: np.ndarray, F: np.ndarray, ends: Ends, passed: Callable[..., bool]
-) -> tuple[int, tuple[np.ndarray, np.ndarray] | None]:
-    """Iterations of a step against this drag, and where it arrives; None if it does not."""
+) -> tuple[int, int, tuple[np.ndarray, np.ndarray] | None]:
+    """Code and iterations of a step against this drag, and where it arrives; None if it does not."""
     mesh, before, held = rod.mesh, rod.obstacles, rod.touched()
     rod.drag, rod.ready = drag, False
     code, count, q_new, F_new = rod.step_in_contact(q, F, *ends[:3], TOLERANCE, LIMIT, ends[3], drag == 0.0)
     if code != warm_step.ADVANCED or passed(q, F, q_new, F_new, mesh, before, held):
-        return count, None
-    return count, (q_new, F_new)
+        return code, count, None
+    return code, count, (q_new, F_new)
 
 
 def _rotation(mesh: Mesh, q: np.ndarray, mesh_new: Mesh, q_new: np.ndarray) -> float:

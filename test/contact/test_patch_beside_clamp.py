@@ -29,3 +29,16 @@ def test_the_clamp_beside_a_patch_has_the_force_of_balance(parts: int) -> None:
         assert abs(force[0] - across) < 1e-4 * np.linalg.norm(force)
         looked += 1
     assert looked == 15 * parts + 1
+
+
+def test_a_rough_patch_ends_in_the_clamp_that_it_runs_into() -> None:
+    """A lift led aside comes off the ground: its patch shrinks towards the clamp, and is gone there."""
+    case, ends = drawn_case(101, 2, 1e-4), []
+    for parts in (1, 2):
+        tracker = Tracker(case_scene(case), tolerance=1e-4)
+        found = [tracker.arrive(joints)["cable"] for joints in refined(case.path[:19], parts)]
+        assert all(one.status.trusted for one in found)
+        assert found[-2 * parts].contacts
+        assert not found[-1].contacts
+        ends.append(found[-1].end_wrench)
+    assert np.linalg.norm(ends[1] - ends[0]) < 1e-3 * np.linalg.norm(ends[0])
