@@ -125,11 +125,12 @@ def apart(touches: Sequence[Touch], distance: float = ALONE) -> list[Touch]:
     one by one; those on two surfaces it can, and two that pinch it may only stand both. Points that stand
     alone, but for the pressure beside a lift-off, slide to where the gap is smallest: a soft rod, and one
     that is all but taut, answers to a place that is a little off by a shape that is much more so.
+
+    `distance`: in the place of ALONE.
     """
     held: dict[object, list[float]] = {}
     out: list[Touch] = []
-    ordered = sorted(touches, key=lambda touch: (not touch.slides, touch.place))
-    for touch in ordered:
+    for touch in sorted(touches, key=lambda touch: (not touch.slides, touch.place)):
         others = held.setdefault(touch.surface, [])
         least = ENDS if touch.slides else 0.5 * distance
         holds = touch.holds and all(abs(touch.place - other) > least for other in others)

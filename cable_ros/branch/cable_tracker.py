@@ -316,7 +316,7 @@ class CableTracker(SearchedEquilibrium):
         result = continue_branch(
             rod, self._q, self._F, path, tolerance, first, longest, fallback, rod.longest_step,
             FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK, self._taut_force,
-            self._ends is None,
+            may_turn=self._ends is None,
         )  # fmt: skip
         self._rod = rod = result.rod
         # continue from where it ended, maybe on another rod

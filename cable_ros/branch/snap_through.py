@@ -113,11 +113,11 @@ def snap_and_record(
     if found is None:
         end = min(1.0, at + step)
         found = snap_through(rod, q, F, path(end))
+    ends = min(1.0, at + AHEAD * step), 1.0
     if found is None and may_turn and margin < FREE_TO_TURN:
-        # what little of the path changes the energy by turning is told from rounding further on
-        found, end = _fall(rod, q, F, path, (min(1.0, at + AHEAD * step), 1.0), rod.minimum)
+        found, end = _further_on(rod, q, F, path, ends, rod.minimum)
     if found is None and rod.touches and not (rod.remembers or rod.frictional):
-        found, end = _fall(rod, q, F, path, (min(1.0, at + AHEAD * step), 1.0))
+        found, end = _further_on(rod, q, F, path, ends, rod.fall)
     if found is None:
         return None
     found, forked = by_rule(found, shape)
@@ -179,23 +179,20 @@ def snap_through(
     return found if found is None or rod.refactor(found.q, found.F) else None
 
 
-def _fall(
-    rod: Rod,
-    q: np.ndarray,
-    F: np.ndarray,
-    path: Callable[[float], Conditions],
-    ends: Sequence[float],
-    descend: Descent | None = None,
-) -> tuple[Found | None, float]:
-    """`snap_through` by `Rod.fall` at the first of these fractions of the path where it arrives; which one.
+def _further_on(
+    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], ends: Sequence[float],
+    descend: Descent,
+) -> tuple[Found | None, float]:  # fmt: skip
+    """`snap_through` at the first of these fractions of the path where it arrives; which one.
 
-    Next to a fold the energy is all but flat, and soft obstacles hold the cable longer than hard ones.
+    Next to a fold the energy is all but flat, and soft obstacles hold the cable longer than hard ones. Where
+    it is free to turn, so little of the path changes the energy by turning that rounding hides it.
     """
     for end in ends:
         spare = max(SNAP_WORK - rod.work, 0.0)
         rod.work += spare
         rod.refactor(q, F)  # the descent before may have changed the mesh
-        found = snap_through(rod, q, F, path(end), descend or rod.fall)
+        found = snap_through(rod, q, F, path(end), descend)
         rod.work -= spare
         if found is not None:
             break

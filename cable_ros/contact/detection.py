@@ -300,7 +300,7 @@ def release(shape, obstacles, points, count):
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
 
     Returns:
-        How many points there were less, and the number of points.
+        How many points are dropped, and the number of those left.
     """
     at = surface()
     before, i = count, 0
@@ -312,10 +312,10 @@ def release(shape, obstacles, points, count):
         if (kind == POINT or (outer and rough)) and min(s, 1.0 - s) < RESTING:
             gap_at(shape, s, obstacles[o], at)
             if max(at.bends[0], at.bends[1]) * RESTING < EDGED:
-                count = remove(points, count, i)
-                if kind != POINT:
-                    count = strip(points, count, o, s)
-                i = 0
+                if kind == POINT:
+                    count = remove(points, count, i)
+                else:
+                    count, i = strip(points, count, o, s), 0
                 continue
         i += 1
     return before - count, count

@@ -275,20 +275,21 @@ def lift_off(points, count, c, h, s0, spacing, obstacles):
     presses = np.empty(size, np.bool_)
     pulls = np.empty(size, np.bool_)
     for o in range(obstacles.shape[0]):
-        presses[:], pulls[:] = False, False
+        presses[:], pulls[:], pulled = False, False, False
         i = 0
         while i < count:
             if points[i, OBSTACLE] == o and points[i, KIND] == SAMPLE:
                 if points[i, FORCE] < 0.0:
-                    pulls[int(points[i, NUMBER])] = True
-                    changed = True
+                    pulls[int(points[i, NUMBER])] = pulled = changed = True
                     count = remove(points, count, i)
                     continue
                 presses[int(points[i, NUMBER])] = True
             i += 1
+        if not pulled:
+            continue
+        # on a rough surface the friction of what is dropped would be missed at once
+        smooth = obstacles[o, FRICTION_COEFFICIENT] == 0.0
         for clamp in (0.0, 1.0):
-            # on a rough surface the friction of what is dropped would be missed at once
-            smooth = obstacles[o, FRICTION_COEFFICIENT] == 0.0
             if smooth and not rests(c, h, s0, obstacles[o], clamp):
                 reach, before = 2.0 * spacing, count
                 count = leave_clamp(points, count, o, h, s0, clamp, reach, covered[o], presses, pulls)
