@@ -71,7 +71,7 @@ DRAWN = {
     (122, 11): "a rough lift, told in 4 times as many poses: 1.0 %",
     (122, 15): "a lift that lies on the ground in full, led aside: the branch is lost",
     (122, 49): "over smooth beams: 5.4e-6 of the length inside an edge at a pose",
-    (123, 41): "over a smooth edge: a patch comes to the edge with next to no pressure, and is lost",
+    (123, 41): "over a smooth edge: at a fold the way on is not found, and the branch is lost",
     (123, 46): "between smooth rollers: right to 4e-5 as estimated; the judge, at 5000 EI / L^2, says 1.6e-4",
     (123, 54): "a hose, told in 4 times as many poses: what is said to stick beside a clamp has moved",
     (123, 58): "beams pushed up under a rough cable until it is taut: the branch is lost on a finer path",
@@ -83,6 +83,14 @@ DRAWN = {
     (124, 38): "between rough rollers until taut, and back: the branch is lost",
     (125, 8): "a rough slot, told in 4 times as many poses: 1.0 %",
     (125, 33): "along a rough wall on a grid: 6.9 % off, of an estimate of 1.5 %",
+    (126, 10): "a lift of 201 poses, told in 4 times as many: it slides 1.4e-4 L the way friction pushes",
+    (126, 11): "a rough tray: it slides 8.3e-4 of the length the way its friction pushes",
+    (126, 32): "between smooth rollers: right to 3e-5 as estimated; the judge, at 8000 EI / L^2, says 1.3e-4",
+    (126, 49): "a rough lift, told in 4 times as many poses: 1.7 %",
+    (127, 1): "heavy, over two rough beams: no start arrives",
+    (127, 25): "a rough lift, told in 4 times as many poses: 1.6 %",
+    (127, 30): "a rough ball pushed up under a cable: a grid's error is too large",
+    (127, 47): "a rough lift led aside: the branch is lost on a finer path only",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 

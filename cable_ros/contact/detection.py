@@ -51,6 +51,9 @@ this distance."""
 GRAZES = 1e-10
 """Depth, L, above which a cable lies between a point and a clamp that rests on the surface: how these two
 share its force is told by less than what counts as a depth elsewhere."""
+OWN = 4.0
+"""Distance of a minimum from a point that holds a cable more curved than the surface, in halves of the patch
+that this becomes, within which it is the point's: that is at 2."""
 LONG = 4.0
 """Length inside an obstacle, in spacings, above which contact is a patch, not a point."""
 
@@ -227,9 +230,11 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                 middle, force = points[near, ARC_LENGTH], points[near, FORCE]
                 _, _, curvature = gap_at(shape, middle, obstacles[o], at)
                 if curvature < 0.0 and force > 0.0:
-                    # the minima are those beside a point that holds a cable more curved than the surface
+                    # a cable more curved than the surface has minima beside the point that holds it
                     half = half_patch(middle, curvature, force, spacing)
-                    low, high = middle - half, middle + half
+                    own = abs(s - middle) < OWN * half
+                    low = middle - half if own else min(s, middle - half)
+                    high = middle + half if own else max(s, middle + half)
                 low = 0.0 if k == 1 and grounded(c, h, s0, obstacles[o], 0.0) else low
                 high = 1.0 if k == m - 2 and grounded(c, h, s0, obstacles[o], 1.0) else high
                 count = make_patch(points, count, o, low, high)

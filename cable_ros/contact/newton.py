@@ -12,6 +12,7 @@ from cable_ros.contact.detection import dipping, flatten, release, update_active
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.interfaces import place_points
 from cable_ros.contact.moving_obstacles import follow_obstacles
+from cable_ros.contact.patch_edges import meet_edges
 from cable_ros.contact.patch_ends import merge, move_ends, shrink
 from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
 from cable_ros.contact.points import (
@@ -177,12 +178,13 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
             if not tangent:
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
+                edged, count = meet_edges(shape, obstacles, spacing, (depth, give), points, count)
                 moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
                 released, count = release(shape, obstacles, points, count)
                 shrunk, count = shrink(points, count, spacing, depth)
                 merged, count = merge(points, count, spacing)
                 changes, count = fill(points, count, h, s0, covered)
-                changes += flattened + released + shrunk + merged
+                changes += flattened + edged + released + shrunk + merged
             holds = holds and changes == 0
             full = not holds or (not tangent and (rotation > refactor_at or rate > SLOW))
             if not full:

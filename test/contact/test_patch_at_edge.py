@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A patch that comes to an edge of its obstacle: the cable bends over it, and comes back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cable_ros import Equilibrium, Status, Tracker, load_scene
+
+EDGE, RADIUS = 0.0, 0.005
+ALONG_X = [0.0, 0.5**0.5, 0.0, 0.5**0.5]
+URDF = """<robot name="r"><link name="world"/><link name="hand"/><joint name="z" type="prismatic">
+<parent link="world"/><child link="hand"/><axis xyz="0 0 1"/>
+<limit lower="-9" upper="9" effort="1" velocity="1"/></joint></robot>"""
+SCENE: dict[str, Any] = {
+    "gravity": [0, 0, -9.81],
+    "obstacles": [{"name": "table", "box": {"center": [-1, 0, -0.5], "size": [2, 1, 1]}}],
+    "cables": [
+        {
+            "name": "cable",
+            "length": 1.0,
+            "stiffness": [0.01, 0.01, 0.0075],
+            "outer_diameter": 2.0 * RADIUS,
+            "linear_density": 0.05,
+            "start": {"position": [-0.5, 0, RADIUS], "orientation": ALONG_X},
+            "end": {"link": "hand", "position": [0.47, 0, 0], "orientation": ALONG_X},
+        }
+    ],
+}
+HIGH, LOW = 0.12, -0.05
+
+
+def lowered(steps: int) -> list[Equilibrium]:
+    """Down and up again, in so many steps each."""
+    tracker = Tracker(load_scene(SCENE, urdf=URDF), tolerance=1e-6)
+    down = np.linspace(HIGH, LOW, steps + 1)
+    return [tracker.solve({"z": float(z)})["cable"] for z in (*down, *down[-2::-1])]
+
+
+@pytest.mark.parametrize("steps", [1, 2, 8, 32])
+def test_there_and_back(steps: int) -> None:
+    path, few = lowered(steps), lowered(1)
+    assert all(one.status is Status.CONVERGED for one in path)
+    for one, other in ((path[0], path[-1]), (path[0], few[0]), (path[steps], few[1])):
+        # both within the tolerance
+        size = float(np.linalg.norm(other.end_wrench))
+        assert float(np.abs(one.end_wrench - other.end_wrench).max()) < 2e-6 * size
+
+
+def test_the_contact_changes_at_the_edge() -> None:
+    """Held high the cable lifts off before the edge; low it bends over it, and lies up to short of it."""
+    path = lowered(16)
+    ends = [sorted(c.position[0] for c in one.contacts if c.length == 0.0) for one in (path[0], path[16])]
+    assert len(ends[0]) == 1
+    assert ends[0][0] < EDGE
+    assert len(ends[1]) == 2
+    assert ends[1][0] < EDGE <= ends[1][1] < EDGE + RADIUS
