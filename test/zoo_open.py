@@ -25,10 +25,7 @@ DRAWN = {
     (96, 39): "a lift: 3.6 % off, a grid's estimate is too small",
     (100, 22): "a lift falls over beside its clamp, in one step",
     (100, 32): "an edge on a grid: 3.6e-5 of the length inside",
-    (
-        101,
-        2,
-    ): "a rough lift leaves the ground at its clamp and falls: two poses are reported, then 5 %",
+    (101, 2): "a rough lift leaves the ground at its clamp and falls: two poses are reported, then 5 %",
     (101, 6): "a hose of 201 poses: the direction of slip settles late; had, and too slow",
     (103, 23): "a lift on a grid slides 2e-3 of the length the way its friction pushes",
     (104, 38): "a grid on top of a rough ball, beside which the judge finds nothing",
@@ -76,10 +73,7 @@ DRAWN = {
     (123, 54): "a hose, told in 4 times as many poses: what is said to stick beside a clamp has moved",
     (123, 58): "beams pushed up under a rough cable until it is taut: the branch is lost on a finer path",
     (123, 59): "a weightless cable on a rough tray: a grid's error is too large",
-    (
-        124,
-        7,
-    ): "a rough lift laid flat again, told in 4 times as many poses: 1 %; how its last part lands decides",
+    (124, 7): "a rough lift laid flat again, told in 4 times as many: 1 %; how its last part lands decides",
     (124, 38): "between rough rollers until taut, and back: the branch is lost",
     (125, 8): "a rough slot, told in 4 times as many poses: 1.0 %",
     (125, 33): "along a rough wall on a grid: 6.9 % off, of an estimate of 1.5 %",

@@ -232,9 +232,9 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                 if curvature < 0.0 and force > 0.0:
                     # a cable more curved than the surface has minima beside the point that holds it
                     half = half_patch(middle, curvature, force, spacing)
-                    own = abs(s - middle) < OWN * half
-                    low = middle - half if own else min(s, middle - half)
-                    high = middle + half if own else max(s, middle + half)
+                    if abs(s - middle) < OWN * half:
+                        low = high = middle
+                    low, high = min(low, middle - half), max(high, middle + half)
                 low = 0.0 if k == 1 and grounded(c, h, s0, obstacles[o], 0.0) else low
                 high = 1.0 if k == m - 2 and grounded(c, h, s0, obstacles[o], 1.0) else high
                 count = make_patch(points, count, o, low, high)
