@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 from pathlib import Path
 
 import numpy as np
+
+os.environ["CABLE_ROS_INTERPRET"] = "0"  # what is timed is compiled
 
 from cable_ros import Equilibrium, Tracker, load_scene
 from cable_ros.scene import Scene

@@ -10,6 +10,7 @@ every angle from our equilibrium without the ball.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
+
+os.environ["CABLE_ROS_INTERPRET"] = "0"  # what is timed is compiled
 
 from cable_ros import Equilibrium, Tracker, load_scene
 from cable_ros.baselines.published import GaussNewton

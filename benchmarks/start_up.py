@@ -5,9 +5,10 @@
     python benchmarks/start_up.py --only free --repeat 3
     python benchmarks/start_up.py --node                 # cable_node too, from its start to the first wrench
 
-Cold: with an empty folder of compiled code; warm: once more with what the cold start has left in it. Each
-start is a process of its own. Of a repeated start the fastest is shown: what else runs on the machine slows
-some, and makes none faster. With PYTHONPATH another copy of the package can be measured.
+Cold: with an empty folder of compiled code, interpreted while another process compiles, whose CPU time counts
+up to the end of the path; compiled first: the same without the interpreter; warm: once more with what that
+has left. Each start is a process of its own. Of a repeated start the fastest is shown: what else runs on the
+machine slows some, and makes none faster. With PYTHONPATH another copy of the package can be measured.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -76,30 +78,36 @@ def main() -> int:
     head = ["scene", "start", "CPU, s", "wall, s", "first wrench, s", "resident, MB", "kept code, MB"]
     rows = []
     for name in args.only or PATHS:
-        cold, warm = [], []
+        found: dict[str, list[list[float]]] = defaultdict(list)
         for _ in range(args.repeat):
-            with tempfile.TemporaryDirectory() as folder:
-                cold.append(solve(name, folder))
-                warm += [solve(name, folder) for _ in range(3)]
-        rows += [row(name, "cold", cold), row(name, "warm", warm)]
+            for start in starts():
+                times = 3 if start == "warm" else 1
+                found[start] += [solve(name) for _ in range(times)]
+        rows += [row(name, start, runs) for start, runs in found.items()]
         if args.node and name != "hose":
             rows += node_rows(name)
-    with tempfile.TemporaryDirectory() as folder:
-        command = ["-m", "cable_ros.cli.main", "solve", str(share_file("config", "space_arm.yaml"))]
-        for start in ("cold", "warm", "warm", "warm"):
-            cpu, wall, _ = run(command, folder)
-            rows.append(["`cable solve`, free", start, f"{cpu:.1f}", f"{wall:.1f}", "", "", ""])
+    command = ["-m", "cable_ros.cli.main", "solve", str(share_file("config", "space_arm.yaml"))]
+    for start in starts():
+        cpu, wall, _ = run(command)
+        rows.append(["`cable solve`, free", start, f"{cpu:.1f}", f"{wall:.1f}", "", "", ""])
     print(markdown_table(head, rows))
     return 0
 
 
-def run(arguments: Sequence[str], folder: str) -> tuple[float, float, str]:
-    """Run Python with compiled code in this folder: CPU time, s, wall time, s, and what it prints."""
+def starts() -> Iterator[str]:
+    """The name of each kind of start, in the environment that makes it."""
+    with tempfile.TemporaryDirectory() as empty, tempfile.TemporaryDirectory() as folder:
+        kinds = ("cold", empty, "1"), ("compiled first", folder, "0"), ("warm", folder, "0")
+        for name, keeps, interprets in kinds:
+            os.environ.update(NUMBA_CACHE_DIR=keeps, CABLE_ROS_INTERPRET=interprets)
+            yield name
+
+
+def run(arguments: Sequence[str]) -> tuple[float, float, str]:
+    """Run Python: CPU time, s, wall time, s, and what it prints."""
     with tempfile.TemporaryFile("w+") as out:
         begin = time.perf_counter()
-        process = subprocess.Popen(
-            [sys.executable, *arguments], stdout=out, env=os.environ | {"NUMBA_CACHE_DIR": folder}
-        )
+        process = subprocess.Popen([sys.executable, *arguments], stdout=out)
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         wall = time.perf_counter() - begin
@@ -109,14 +117,14 @@ def run(arguments: Sequence[str], folder: str) -> tuple[float, float, str]:
         return usage.ru_utime + usage.ru_stime, wall, out.read()
 
 
-def solve(name: str, folder: str) -> list[float]:
+def solve(name: str) -> list[float]:
     """CPU, wall and time to the first wrench, s, resident memory and size of what is kept, MB."""
     scene, joint, path = PATHS[name]
     file = str(share_file("config", scene)) if scene else ""
     task = json.dumps([time.time(), file, joint, path])
-    cpu, wall, said = run(["-c", SOLVE, task], folder)
+    cpu, wall, said = run(["-c", SOLVE, task])
     first, resident = json.loads(said)
-    return [cpu, wall, first, resident, kept(folder)]
+    return [cpu, wall, first, resident, kept(os.environ["NUMBA_CACHE_DIR"])]
 
 
 def kept(folder: str) -> float:
@@ -129,16 +137,15 @@ def row(name: str, start: str, runs: Sequence[Sequence[float]]) -> list[str]:
 
 
 def node_rows(name: str) -> list[list[str]]:
-    """`cable_node` on the scene, cold and warm, from its start to the first wrench that it publishes."""
-    with tempfile.TemporaryDirectory() as folder:
-        runs = [start_node(name, folder) for _ in range(2)]
-    return [
-        [f"cable_node, {name}", start, f"{cpu:.1f}", "", f"{wall:.1f}", f"{resident:.0f}", ""]
-        for start, (cpu, wall, resident) in zip(("cold", "warm"), runs, strict=True)
-    ]
+    """`cable_node` on the scene, from its start to the first wrench that it publishes."""
+    rows = []
+    for start in starts():
+        cpu, wall, resident = start_node(name)
+        rows.append([f"cable_node, {name}", start, f"{cpu:.1f}", "", f"{wall:.1f}", f"{resident:.0f}", ""])
+    return rows
 
 
-def start_node(name: str, folder: str) -> tuple[float, float, float]:
+def start_node(name: str) -> tuple[float, float, float]:
     """CPU and wall time to the first wrench, s, and resident memory a second later, MB."""
     import rclpy
     from geometry_msgs.msg import WrenchStamped
@@ -153,9 +160,8 @@ def start_node(name: str, folder: str) -> tuple[float, float, float]:
     others = {"pitch": 0.0, "orientation": 0.0, joint: path[0]}
     begin = time.perf_counter()
     process = subprocess.Popen(
-        [sys.executable, *NODE, "-p", f"scene:={share_file('config', scene)}"],
-        env=os.environ | {"NUMBA_CACHE_DIR": folder}, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        [sys.executable, *NODE, "-p", f"scene:={share_file('config', scene)}"], stderr=subprocess.DEVNULL
+    )
     try:
         while not answers and time.perf_counter() - begin < PATIENCE and process.poll() is None:
             message = JointState(name=list(others), position=list(others.values()))

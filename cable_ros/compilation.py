@@ -14,7 +14,8 @@ all that needs Numba; a process whose code is kept gets on without it (`kept_cod
 Whoever uses it keeps to the arithmetic that is written, without `fastmath`. Each function's compiled code
 brings its own copies of the functions that it calls, and those loaded first serve all: where an optimiser may
 reorder sums, each copy does so in its own way, and the last bit of a result depends on what a process loaded
-before, or has just compiled. As written, all copies agree, also with the interpreter (NUMBA_DISABLE_JIT=1).
+before, or has just compiled. As written, all copies agree, and but for the last bit of a power or a sine the
+interpreter with them (`interpretation`, NUMBA_DISABLE_JIT=1).
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from typing import Any
 import numpy as np
 
 from cable_ros.common.compile_watch import GETTING
+from cable_ros.interpretation import instead
 from cable_ros.kept_code import load
 
 PACKAGE = Path(__file__).parent
@@ -70,7 +72,7 @@ class Kernel:
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         update_wrapper(self, function)
         self.py_func, self.options = function, options
-        self._entry: Callable[..., Any] = self._enter_first
+        self.forget_entry()
 
     def __call__(self, *arguments: Any) -> Any:
         try:
@@ -78,6 +80,8 @@ class Kernel:
         except np.linalg.LinAlgError:  # raised by the function itself, which has changed its arguments
             raise
         except (TypeError, ValueError):  # of other types, or another number of them: the dispatcher knows
+            if self._interpreted:
+                raise
             return self.dispatcher(*arguments)
 
     def __getattr__(self, name: str) -> Any:
@@ -99,9 +103,17 @@ class Kernel:
         """Of the sources."""
         return stamp(Path(self.py_func.__code__.co_filename))
 
+    def forget_entry(self) -> None:
+        """Look for the code again at the next call."""
+        self._entry: Callable[..., Any] = self._enter_first
+        self._interpreted = False
+
     def _enter_first(self, *arguments: Any) -> Any:
         if self.options.get("cache") and "dispatcher" not in vars(self):
             found = load(self.py_func, self.stamp)
+            if found is None:
+                found = instead(self)
+                self._interpreted = found is not None
             if found is not None:
                 self._entry = found
                 return found(*arguments)

@@ -90,6 +90,16 @@ def folders(file: Path) -> Iterator[Path]:
         yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "numba"
 
 
+def can_keep() -> bool:
+    """Whether code that is compiled now will be there for another process."""
+    for folder in folders(Path(__file__)):
+        with contextlib.suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                return True
+    return False
+
+
 def _name(kernel: Callable[..., Any]) -> str:
     """Of the file with this kernel's code: its own even where many packages share the folder."""
     source = _place(kernel.__code__.co_filename)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_ros import interpretation
 from cable_ros.branch import effect_selection
 from cable_ros.branch.coupled_pieces import coupled_pieces, kinds
 from cable_ros.branch.pieces import Span, joined, shares, spans
@@ -258,6 +259,7 @@ class Tracker:
         """
         begin, code = time.perf_counter(), GETTING.seconds
         self.outside = ""
+        interpretation.solves(self.scene)
         try:
             numbers = [float(joints[name]) for name in self.joint_names]
         except (KeyError, TypeError, ValueError):

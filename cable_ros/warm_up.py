@@ -10,8 +10,9 @@ from functools import partial
 from typing import Any
 
 from cable_ros.common.memory import give_back
+from cable_ros.interpretation import compiled_here
 from cable_ros.joint import joint_load
-from cable_ros.scene import SceneError, load_scene
+from cable_ros.scene import Scene, SceneError, load_scene
 from cable_ros.share import share_file
 from cable_ros.tracker import Tracker
 
@@ -98,6 +99,7 @@ _ARM_AND_BALL = "space_arm_sphere.yaml", (30.0, 44.0, 45.0, 75.0, 30.0)
 """Scenes and angles, degrees: away from the ball, onto it, along it and back."""
 
 
+@compiled_here()
 def warm_up(tracker: Tracker) -> None:
     """Get the code that the tracker's scene needs; it has solved nothing afterwards."""
     for value in (0.0, 0.01):
@@ -114,6 +116,12 @@ def warm_up(tracker: Tracker) -> None:
     give_back()  # the scenes of our own and what was read to load code are a quarter of a node's memory
 
 
+def warm_up_for(scene: Scene) -> None:
+    """Get the code that the scene needs; see `interpretation`."""
+    warm_up(Tracker(scene))
+
+
+@compiled_here()
 def rehearse_all(backwards: bool = False) -> None:
     """Get the code that any scene needs; without Pinocchio, that of cables without contact.
 
@@ -138,6 +146,7 @@ def rehearse_all(backwards: bool = False) -> None:
         rehearse()
 
 
+@compiled_here()
 def rehearse_contact() -> None:
     """Get the code of contact: a robot shall not wait for it at the first touch."""
     _rehearse_arm(*_ARM_AND_BALL)

@@ -22,6 +22,7 @@ FOLDER = Path(__file__).parent
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.setdefault("CABLE_ROS_INTERPRET", "0")  # tests that are to be interpreted say so
 # Domains 1 to 100 keep clear of the ports that the system hands out; 0 is everybody's.
 # Never the one that is set: tests move joints, and on a robot that would be the robot's.
 _taken = os.environ.setdefault("CABLE_ROS_TAKEN_DOMAIN", os.environ.get("ROS_DOMAIN_ID", "0"))

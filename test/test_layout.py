@@ -12,7 +12,7 @@ import cable_ros
 
 PACKAGE = Path(cable_ros.__file__).parent
 ORDER = (
-    ("common", "compilation", "kernel_compiler", "numba_shortcuts", "kept_code", "share"),
+    ("common", "compilation", "interpretation", "kernel_compiler", "numba_shortcuts", "kept_code", "share"),
     ("linalg",),
     ("solve",),
     ("limits", "equilibrium"),

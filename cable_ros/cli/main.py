@@ -15,6 +15,7 @@ import cable_ros.cli
 from cable_ros.common import compile_watch
 from cable_ros.common.printable import one_line
 from cable_ros.common.requirements import missing
+from cable_ros.interpretation import Interpretation
 
 INTERRUPTED = 130  # 128 + SIGINT, and the like for SIGPIPE: what a shell reports for a program they end
 BROKEN_PIPE = 141
@@ -77,6 +78,7 @@ def _run(arguments: list[str]) -> int:
         parser.print_help()
         return 0
     compile_watch.COMPILING.tell = _tell_of_compiling
+    Interpretation.tell = _tell
     try:
         return int(modules[args.command].run(args))
     except BrokenPipeError:
@@ -124,7 +126,10 @@ def _is_for_the_user(error: Exception) -> bool:
 
 
 def _tell_of_compiling() -> None:
-    sentence = "compiling the solver: once after an installation or an update, up to some minutes"
+    _tell("compiling the solver: once after an installation or an update, up to some minutes")
+
+
+def _tell(sentence: str) -> None:
     print(f"cable: {sentence}", file=sys.stderr, flush=True)
 
 

@@ -7,6 +7,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from cable_ros.interpretation import SENTENCE, is_under_way
 from cable_ros.ros.joint_states import JointStates
 from cable_ros.ros.messages import diagnostic
 from cable_ros.ros.recorder import Recorder
@@ -66,6 +67,8 @@ class Health:
             message += f" {fault}" if fault else ""
         elif fault:
             level, message = DiagnosticStatus.WARN, fault
+        elif is_under_way():
+            level, message = DiagnosticStatus.WARN, f"{SENTENCE.capitalize()}."
         elif silence > _SILENCE and states.needed:
             level = DiagnosticStatus.WARN
             message = f"No joint state on '{states.topic}' for {silence:.1f} s ({publishers} publishers)."

@@ -25,6 +25,8 @@ from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from cable_ros.interpretation import Interpretation
+
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _ROSOUT = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # as rcl has it
 _FATAL = int(LoggingSeverity.FATAL)
@@ -59,7 +61,8 @@ class Lifetime:
 
     Until `started`, a signal raises KeyboardInterrupt. Later it ends the context, and with it `rclpy.spin`,
     while the callback that is under way goes on: an exception in its midst could part what is published from
-    what is logged. Either way the block is left without an exception; other errors pass where no signal came.
+    what is logged. A solve in the interpreter, which takes seconds, ends by one. Either way the block is left
+    without an exception; other errors pass where no signal came.
     From the end of the block on signals are ignored: a second one must not cut off what is being closed.
     """
 
@@ -103,6 +106,7 @@ class Lifetime:
 
     def _on_signal(self, *_: object) -> None:
         self._signalled = True
+        Interpretation.stopped = True
         raising, self._raising = self._raising, False
         if raising:
             raise KeyboardInterrupt

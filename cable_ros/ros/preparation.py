@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiling beside the executor, which meanwhile answers parameters and services and reports."""
+"""Code for a scene, got beside the executor, which meanwhile answers parameters and services and reports."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
 
+from cable_ros import interpretation
 from cable_ros.tracker import Tracker
 from cable_ros.warm_up import warm_up
 
@@ -26,25 +27,55 @@ class Preparation:
     Args:
         node: whose executor it is.
         tracker: to be left alone until it is handed over.
-        done: called by the executor with the tracker and the seconds that it took.
+        done: called by the executor with a tracker of the same scene and settings, and the seconds that it
+            took.
+        hurry: hand over at once if the code is not kept: the interpreter runs it until it is compiled.
     """
 
-    def __init__(self, node: Node, tracker: Tracker, done: Callable[[Tracker, float], None]) -> None:
+    def __init__(
+        self, node: Node, tracker: Tracker, done: Callable[[Tracker, float], None], hurry: bool
+    ) -> None:
         self.finished = Future()
         """Done as soon as the tracker is handed over."""
         self._node, self._tracker, self._done = node, tracker, done
         self._error: Exception | None = None
         self._seconds = 0.0
         self._ready = node.create_guard_condition(self._on_ready)
-        threading.Thread(target=self._run, name=_NAME, daemon=True).start()
+        threading.Thread(target=self._run, args=(hurry,), name=_NAME, daemon=True).start()
 
-    def _run(self) -> None:
+    def _run(self, hurry: bool) -> None:
         begin = time.perf_counter()
+        compiling = None
         try:
-            warm_up(self._tracker)
+            if not hurry or (compiling := self._compiling()) is None:
+                warm_up(self._tracker)
         except Exception as error:
             self._error = error
         self._seconds = time.perf_counter() - begin
+        self._hand_over()
+        if compiling is not None:
+            compiling.wait()
+            warm_up(self._copy())
+            seconds = time.perf_counter() - begin
+            self._node.get_logger().info(f"The solver is compiled, after {seconds:.1f} s.")
+
+    def _compiling(self) -> interpretation.Interpretation | None:
+        """The process that compiles; None if all is kept, or this process is to compile it."""
+        try:
+            with interpretation.kept_only():
+                warm_up(self._tracker)
+            return None
+        except interpretation.NotKeptError:
+            self._tracker = self._copy()  # the old one was left amid a solve
+            warn = self._node.get_logger().warning
+            interpretation.Interpretation.tell = lambda sentence: warn(f"{sentence.capitalize()}.")
+            return interpretation.begin(self._tracker.scene)
+
+    def _copy(self) -> Tracker:
+        """One that has solved nothing."""
+        return Tracker(self._tracker.scene, self._tracker.tolerance, self._tracker.polyline_points)
+
+    def _hand_over(self) -> None:
         with contextlib.suppress(rclpy_implementation.InvalidHandle):  # the node has been taken down
             self._ready.trigger()
 

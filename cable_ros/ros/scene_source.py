@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
+from cable_ros import interpretation
 from cable_ros.ros.preparation import Preparation
 from cable_ros.scene.errors import SceneError
 from cable_ros.scene.load import load_scene
@@ -25,7 +26,7 @@ _LATCHED_INPUT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL
 
 
 class SceneSource:
-    """Loads a scene and compiles its code in a thread of its own, at the start and when it is reloaded.
+    """Loads a scene and gets its code in a thread of its own, at the start and when it is reloaded.
 
     Args:
         node: subscribes to the robot's description; its parameters set up the tracker.
@@ -66,9 +67,10 @@ class SceneSource:
             return False
         settings = (node.get_parameter(name).value for name in ("tolerance", "polyline_points"))
         tracker = Tracker(scene, *settings)
-        self._tell("Compiling the solver; joint states are taken after that.")
+        hurry = interpretation.ALLOWED and not self._delivered  # an old scene goes on meanwhile
+        self._tell(f"{'Loading' if hurry else 'Compiling'} the solver; joint states are taken after that.")
         self.refused = False
-        self._preparation = Preparation(node, tracker, self._hand_over)
+        self._preparation = Preparation(node, tracker, self._hand_over, hurry)
         return True
 
     def _hand_over(self, tracker: Tracker, seconds: float) -> None:

@@ -3,6 +3,10 @@
 
 from __future__ import annotations
 
+import signal
+import time
+
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not on this machine")
@@ -12,12 +16,13 @@ from observer import ERROR, JOINTS_ENTRY, LOG_ENTRY, OK, WARN, Observer, arm_sce
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from robot import NODE
+from robot import CABLE, NODE
 from std_msgs.msg import String
 
 from cable_ros.log import events
 from cable_ros.log.reader import LogReader
 from cable_ros.share import share_file
+from cable_ros.tracker import Tracker
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -63,6 +68,41 @@ def test_while_it_compiles_it_says_so_and_answers_parameters(tmp_path, monkeypat
         _, first = next(log.decoded([f"{NODE}/events"]))
         assert events.decode_event(first.data)["tolerance"] == 1e-3
     assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.timeout(600)
+def test_until_it_is_compiled_the_interpreter_answers(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "compiled"))
+    monkeypatch.setenv("CABLE_ROS_INTERPRET", "1")
+    with Early(diagnostics_rate="20.0") as robot:
+        wrenches = robot.listen(f"{CABLE}/end_wrench", "geometry_msgs/msg/WrenchStamped")
+        super(Early, robot).wait_for_node()
+        robot.move(0.3)
+        report = robot.entry(JOINTS_ENTRY)
+        assert report.level == WARN
+        assert "until then the interpreter solves" in report.message
+        robot.wait(lambda: "interpreter" not in robot.entry(JOINTS_ENTRY).message)
+        robot.move(0.3)
+        assert robot.entry(JOINTS_ENTRY).level == OK
+    forces = [[getattr(one.wrench.force, axis) for axis in "xyz"] for one in wrenches]
+    tracker, joints = Tracker(str(share_file("config", "space_arm.yaml"))), {"orientation": 0.3, "pitch": 0.0}
+    compiled = tracker.solve(joints)["camera_cable"].end_wrench[:3]
+    np.testing.assert_allclose(forces, [compiled] * len(forces), rtol=1e-11)  # NumPy's powers and sines
+
+
+@pytest.mark.timeout(600)
+def test_a_signal_amid_an_interpreted_solve_ends_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "compiled"))
+    monkeypatch.setenv("CABLE_ROS_INTERPRET", "1")
+    with Early(scene=share_file("config", "space_arm_sphere.yaml")) as robot:
+        wrenches = robot.listen(f"{CABLE}/end_wrench", "geometry_msgs/msg/WrenchStamped")
+        super(Early, robot).wait_for_node()
+        robot.send(["orientation", "pitch"], [0.3, 0.0])
+        robot.rest(2.0)  # of ten or more
+        begin = time.monotonic()
+        robot.end(signal.SIGINT)
+        assert time.monotonic() - begin < 5.0, "far less, but other tests run beside"
+        assert not wrenches
 
 
 def test_a_robot_without_the_scenes_link_is_an_error_until_one_with_it_comes(tmp_path):
