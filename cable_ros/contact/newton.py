@@ -256,7 +256,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                     # the shape hardly depends on how neighbouring samples share their force
                     step, converged = turned, True
                     break
-                if iteration > 12 and step > 0.9 * size and model == FRICTIONLESS:
+                if iteration > 12 and changes == 0 and step > 0.9 * size and model == FRICTIONLESS:
                     return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
             tangent = False
             size = step
