@@ -111,7 +111,7 @@ class Interpretation:
                 stderr=subprocess.DEVNULL,
                 env=os.environ | {"CABLE_ROS_INTERPRET": "0"},
             )
-        atexit.register(self._process.kill)
+        atexit.register(self.leave)
         Interpretation.current = self
         Interpretation.tell(SENTENCE)
 
@@ -126,6 +126,11 @@ class Interpretation:
 
     def wait(self) -> None:
         """Wait until the process has ended."""
+        self._process.wait()
+
+    def leave(self) -> None:
+        """End the process, as this one ends."""
+        self._process.kill()
         self._process.wait()
 
     def entry(self, kernel: Any) -> Callable[..., Any]:
@@ -152,7 +157,7 @@ class Interpretation:
         return interpreted
 
     def _end(self) -> None:
-        atexit.unregister(self._process.kill)
+        atexit.unregister(self.leave)
         for kernel in self._kernels:
             kernel.forget_entry()
 
@@ -174,8 +179,8 @@ def instead(kernel: Any) -> Callable[..., Any] | None:
 def begin(scene: object) -> Interpretation | None:
     """The process that compiles, one for this scene unless another is under way.
 
-    None where it is of no use: not wanted, there was one for this scene, the code cannot be kept, or this
-    is one of several processes that solve.
+    None where it is of no use: not wanted, there was one for this scene, the code cannot be kept, this is one
+    of several processes that solve, or the system starts no other.
     """
     with _LOCK:
         current = Interpretation.current
@@ -185,7 +190,10 @@ def begin(scene: object) -> Interpretation | None:
             return None
         if current is not None and current.has_seen(scene):
             return None
-        return Interpretation(scene)
+        try:
+            return Interpretation(scene)
+        except OSError:
+            return None
 
 
 def is_under_way() -> bool:

@@ -162,7 +162,8 @@ def _rehearse_drawn(fields: dict[str, Any]) -> None:
     """Draw the bow, with more `fields`, over its ground and back."""
     (cable,) = _DRAWN["cables"]
     with contextlib.suppress(SceneError):  # without Pinocchio it is compiled at the first contact
-        tracker = Tracker(load_scene(_DRAWN | {"cables": [cable | fields]}, urdf=_DRAWING))
+        # The same code as of an accurate one, in half the time.
+        tracker = Tracker(load_scene(_DRAWN | {"cables": [cable | fields]}, urdf=_DRAWING), tolerance=1e-2)
         for place in (0.0, -0.03, 0.0):
             _solve(tracker, {"y": place})
 

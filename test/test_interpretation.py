@@ -64,8 +64,7 @@ def forget() -> None:
 def end() -> None:
     """End the process that compiles, if any."""
     if (current := Interpretation.current) is not None:
-        current._process.kill()
-        current.wait()
+        current.leave()
 
 
 def compiles(kernel) -> bool:
@@ -127,6 +126,9 @@ def test_where_it_is_of_no_use(monkeypatch):
         assert begin(SCENE) is None
     with monkeypatch.context() as one:
         one.setattr(interpretation, "parent_process", lambda: "one of several that solve")
+        assert begin(SCENE) is None
+    with monkeypatch.context() as one:
+        one.setattr(sys, "executable", "/nowhere/python")
         assert begin(SCENE) is None
     with monkeypatch.context() as one:
         one.setattr(kept_code, "folders", lambda _: iter([Path(os.devnull)]))  # nobody's folder

@@ -14,7 +14,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
 
-from cable_ros import interpretation
+from cable_ros.interpretation import Interpretation, NotKeptError, begin, kept_only
 from cable_ros.tracker import Tracker
 from cable_ros.warm_up import warm_up
 
@@ -44,32 +44,38 @@ class Preparation:
         threading.Thread(target=self._run, args=(hurry,), name=_NAME, daemon=True).start()
 
     def _run(self, hurry: bool) -> None:
-        begin = time.perf_counter()
+        start = time.perf_counter()
         compiling = None
         try:
-            if not hurry or (compiling := self._compiling()) is None:
-                warm_up(self._tracker)
+            if not self._is_kept():
+                compiling = self._interpretation() if hurry else None
+                if compiling is None:
+                    warm_up(self._tracker)
         except Exception as error:
             self._error = error
-        self._seconds = time.perf_counter() - begin
+        self._seconds = time.perf_counter() - start
         self._hand_over()
         if compiling is not None:
             compiling.wait()
             warm_up(self._copy())
-            seconds = time.perf_counter() - begin
+            seconds = time.perf_counter() - start
             self._node.get_logger().info(f"The solver is compiled, after {seconds:.1f} s.")
 
-    def _compiling(self) -> interpretation.Interpretation | None:
-        """The process that compiles; None if all is kept, or this process is to compile it."""
+    def _is_kept(self) -> bool:
+        """Load the code; False if some was not kept."""
         try:
-            with interpretation.kept_only():
+            with kept_only():
                 warm_up(self._tracker)
-            return None
-        except interpretation.NotKeptError:
+            return True
+        except NotKeptError:
             self._tracker = self._copy()  # the old one was left amid a solve
-            warn = self._node.get_logger().warning
-            interpretation.Interpretation.tell = lambda sentence: warn(f"{sentence.capitalize()}.")
-            return interpretation.begin(self._tracker.scene)
+            return False
+
+    def _interpretation(self) -> Interpretation | None:
+        """Another process that compiles; None if this one is to do that."""
+        warn = self._node.get_logger().warning
+        Interpretation.tell = lambda sentence: warn(f"{sentence.capitalize()}.")
+        return begin(self._tracker.scene)
 
     def _copy(self) -> Tracker:
         """One that has solved nothing."""
@@ -89,6 +95,8 @@ class Preparation:
 
 def leave(code: int) -> int:
     """Return the exit code; while something compiles, end the process: the interpreter could not cleanly."""
+    if Interpretation.current is not None:
+        Interpretation.current.leave()
     if any(thread.name == _NAME for thread in threading.enumerate()):
         sys.stdout.flush()
         sys.stderr.flush()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -99,10 +100,14 @@ def test_a_signal_amid_an_interpreted_solve_ends_it(tmp_path, monkeypatch):
         super(Early, robot).wait_for_node()
         robot.send(["orientation", "pitch"], [0.3, 0.0])
         robot.rest(2.0)  # of ten or more
+        threads = Path(f"/proc/{robot.process.pid}/task").iterdir()
+        children = [pid for thread in threads for pid in (thread / "children").read_text().split()]
         begin = time.monotonic()
         robot.end(signal.SIGINT)
         assert time.monotonic() - begin < 5.0, "far less, but other tests run beside"
         assert not wrenches
+    assert children
+    assert not any(Path(f"/proc/{pid}").exists() for pid in children), "what compiled goes on"
 
 
 def test_a_robot_without_the_scenes_link_is_an_error_until_one_with_it_comes(tmp_path):
