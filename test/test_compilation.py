@@ -369,7 +369,7 @@ def test_no_folder_to_keep_code_in_is_told_once(package, tmp_path):
     assert done.stderr.count("set NUMBA_CACHE_DIR") == 1
 
 
-SOLVE = """
+SCENES = """
 import hashlib, sys
 import numpy as np
 from references import planar
@@ -404,7 +404,8 @@ def bits(name):
             for value in (found.end_wrench, found.points, found.stability_margin, found.error_estimate):
                 digest.update(np.asarray(value).tobytes())
     return digest.hexdigest()
-
+"""
+SOLVE = """
 print(*[digest for _, digest in sorted((name, bits(name)) for name in sys.argv[1:])])
 """
 MEANWHILE = """
@@ -426,7 +427,7 @@ print(bits(sys.argv[1]), difference)
 
 def solved(*names: str, **environment: str) -> str:
     """What identifies every bit of the scenes' equilibria, solved in this order in a new process."""
-    return python(SOLVE, *names, path=Path(__file__).parent, **environment).stdout
+    return python(SCENES + SOLVE, *names, path=Path(__file__).parent, **environment).stdout
 
 
 def test_the_same_bits_just_compiled_and_loaded(tmp_path):
@@ -440,7 +441,7 @@ def test_the_same_bits_just_compiled_and_loaded(tmp_path):
 @pytest.mark.timeout(300)  # another process compiles beside other tests
 def test_the_same_interpreted_meanwhile_and_compiled_after(tmp_path):
     keeps = {"CABLE_ROS_INTERPRET": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
-    done = python(SOLVE + MEANWHILE, "arm", path=Path(__file__).parent, **keeps)
+    done = python(SCENES + MEANWHILE, "arm", path=Path(__file__).parent, **keeps)
     compiled, difference = done.stdout.splitlines()[-1].split()
     assert compiled == solved("arm").strip()
     assert float(difference) < 1e-11, "powers and sines of NumPy differ in the last bit"
