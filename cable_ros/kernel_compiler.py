@@ -343,7 +343,7 @@ class CompiledCode:
         # A symbol has a number that the process gave that compiled it: a callee compiled again has another.
         if not all(_is_here(*call) for call in calls.items()):
             return None
-        self._keep(data, calls)
+        self._keep(data, calls, compiled=False)
         return data
 
     def save(self, key: Any, data: Any) -> None:
@@ -358,17 +358,20 @@ class CompiledCode:
             except Exception:  # an index cut short
                 self._file.flush()
                 self._file.save(key, labelled)
-        self._keep(data, calls)
+        self._keep(data, calls, compiled=True)
 
     def flush(self) -> None:
         """Forget what was saved."""
         self._file.flush()
 
-    def _keep(self, data: Any, calls: dict[str, Callee]) -> None:
+    def _keep(self, data: Any, calls: dict[str, Callee], compiled: bool) -> None:
         """Keep the code for processes without Numba, too."""
         (_, kind, code), described, environment, signed, *_, repeated, environments = data
         inner = self._kernel.options.get("no_cpython_wrapper", False)
-        if kind != "object" or repeated or (inner and described.llvm_func_name not in _CALLEES):
+        # What nobody calls by its name is not needed. Of code just loaded that is not known yet: an older
+        # version's may be kept in its place, after an update that was taken back.
+        copied = compiled and inner and described.llvm_func_name not in _CALLEES
+        if kind != "object" or repeated or copied:
             return
         known = {one.env_name: list(one.consts) for one in (environment, *environments)}
         kept = Kept(

@@ -99,6 +99,17 @@ def test_code_of_another_file_is_compiled_anew_where_it_is_used(package):
     assert call(package) == (41.0, "kept")
 
 
+def test_an_update_that_is_taken_back_is_kept_again(package):
+    """Numba still has the old code where a function has moved in its file, and gives it without compiling."""
+    replace(package / "inner.py", "cache=True", "cache=True, no_cpython_wrapper=True")
+    assert call(package) == (21.0, "compiled")
+    replace(package / "inner.py", "FACTOR = 2.0", "FACTOR = 3.0\n")
+    assert call(package) == (31.0, "compiled")
+    replace(package / "inner.py", "FACTOR = 3.0\n", "FACTOR = 2.0")
+    assert call(package)[0] == 21.0
+    assert call(package) == (21.0, "kept")
+
+
 def test_code_is_not_taken_without_that_of_its_callee(package):
     """What `outer` calls has a name with a number in it that another process gives otherwise."""
     assert call(package) == (21.0, "compiled")

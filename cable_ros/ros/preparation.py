@@ -57,6 +57,8 @@ class Preparation:
         self._hand_over()
         if compiling is not None:
             compiling.wait()
+            if Interpretation.stopped:  # the node ends, and has ended the other process
+                return
             warm_up(self._copy())
             seconds = time.perf_counter() - start
             self._node.get_logger().info(f"The solver is compiled, after {seconds:.1f} s.")
