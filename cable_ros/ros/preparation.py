@@ -47,7 +47,7 @@ class Preparation:
         start = time.perf_counter()
         compiling = None
         try:
-            if not self._is_kept():
+            if not (hurry and self._is_kept()):
                 compiling = self._interpretation() if hurry else None
                 if compiling is None:
                     warm_up(self._tracker)
