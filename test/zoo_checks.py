@@ -137,6 +137,16 @@ def touched(*names: str) -> Check:
     return check
 
 
+def unanswered(most: int) -> Check:
+    """At most so many poses have no answer that is trusted."""
+
+    def check(steps: list[Step]) -> str | None:
+        missed = sum(not step.equilibrium.status.trusted for step in steps)
+        return f"{missed} poses have no answer, at most {most} may" if missed > most else None
+
+    return check
+
+
 def retraced(tolerance: float = 3e-4) -> Check:
     """The path comes back as it went: the same wrench at the same pose, touching there or not."""
 

@@ -17,7 +17,7 @@ from scipy.special import ellipk
 from zoo_make import ARM, led
 
 from cable_ros.bench.carriage import JOINTS, carriage_urdf
-from cable_ros.bench.cases import Case
+from cable_ros.bench.cases import TRUSTED, Case
 from cable_ros.bench.contact_fuzz import STEPS, contact_case
 from cable_ros.equilibrium import Status
 
@@ -61,8 +61,10 @@ def ball() -> list[Case]:
         around("ball with friction: there and back, twice", "the second loop is the first", [rough],
                [0.0, 15.0, *loop, *loop[1:]],
                check=checks.every(checks.touched(), checks.closed_loop(len(loop) - 1))),
-        around("ball with friction, fully mobilised", "verified", [rough], whole, friction_model="sliding",
-               check=checks.touched()),
+        # where the joint turns back, all of that friction turns the cable over
+        around("ball with friction, fully mobilised", "verified or reported", [rough], whole,
+               friction_model="sliding", along=(*TRUSTED, Status.NOT_CONVERGED),
+               check=checks.every(checks.touched(), checks.unanswered(2))),
         around("two balls", "verified; both touched", [BALL, SECOND], [*range(0, 91, 2)],
                check=checks.touched("ball", "second ball")),
         around("two balls: jump from -90 to 75 deg", "as by small steps", [BALL, SECOND], [-90.0, 75.0],

@@ -14,7 +14,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cable_ros.bench.contact_checks import Surface, contact_fault, pull_fault, surfaces, touches
+from cable_ros.bench.contact_checks import (
+    Surface,
+    contact_fault,
+    pull_fault,
+    sliding_fault,
+    surfaces,
+    touches,
+)
 from cable_ros.bench.end_checks import clamped, judge_ends
 from cable_ros.bench.path_bounds import PathBounds, path_bounds
 from cable_ros.bench.strand_surfaces import with_strands
@@ -30,6 +37,8 @@ TOLD, CELLS = 1.5, 3e-2
 contacts cell by cell, from which they are taken here."""
 START_FACTOR = 5.0
 """The tolerance is the end wrench's; the start's own, which may be much smaller, may be this much worse."""
+MOVED = 1e-9
+"""Motion of the end, parts of the length, that has a direction."""
 TRUSTED = (Status.CONVERGED, Status.SNAPPED)
 UNFINISHED, CALLS = "UNFINISHED", 100
 """A status of that name asks for the same pose again; no pose may take more calls."""
@@ -283,6 +292,8 @@ def run_case(case: Case) -> Outcome:
         kinematics = Kinematics(scene)
         for joints in case.path:
             steps += solve_step(tracker, scene, kinematics, joints, case)
+            if scene.friction_model == "sliding" and len(scene.cables) == 1:
+                steps[-2:] = _with_sliding(steps[-2:], kinematics, joints)
     except Exception as raised:  # an exception is what a case must never end in
         last = traceback.extract_tb(raised.__traceback__)[-1]
         where = f"{os.path.basename(last.filename)}:{last.lineno}"
@@ -292,6 +303,23 @@ def run_case(case: Case) -> Outcome:
         exact = np.atleast_2d(case.wrench() if callable(case.wrench) else case.wrench)
         error = min(relative_difference(steps[-1].equilibrium.end_wrench, w, steps[-1].rod) for w in exact)
     return Outcome(case, steps, _fault(case, steps, error), error)
+
+
+def _with_sliding(steps: list[Step], kinematics: Kinematics, joints: Pose) -> list[Step]:
+    """A step after the one before it, its friction judged by (53) of Liu et al. (2018)."""
+    before, step = steps[0].rod, steps[-1]
+    assert step.scene is not None
+    turn = [Rotation.from_quat(rod.start[3:]) for rod in (before, step.rod)]
+    ends = [
+        r.inv().apply(rod.end[:3] - rod.start[:3]) for r, rod in zip(turn, (before, step.rod), strict=True)
+    ]
+    motion = turn[1].apply(ends[1] - ends[0])
+    told = step.equilibrium.status.trusted and step.fault is None
+    if not told or np.linalg.norm(motion) < MOVED * step.rod.length:
+        return steps
+    (cable,) = step.scene.cables
+    met = surfaces(step.scene, kinematics, joint_values(kinematics, joints), cable.radius)
+    return [*steps[:-1], replace(step, fault=sliding_fault(step.rod, met, step.equilibrium, motion))]
 
 
 def _fault(case: Case, steps: list[Step], error: float) -> str | None:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cable_ros.bench.shooting import Touch
 from cable_ros.bench.surfaces import Distance, curvature, distance, gradient
@@ -34,6 +35,10 @@ NOTHING = 1e-6
 """A force that is smaller, EI / L^2, counts as none."""
 ROUNDING = 1e-6
 """Of directions, and of forces relative to the largest."""
+ACROSS = 0.01
+"""What friction by (53) may be off, parts of mu times the normal force: tangents are of the polyline."""
+CLEARLY = 0.5
+"""Of the end's motion, that part across the cable that leaves no doubt to which side it is."""
 
 
 @dataclass(frozen=True)
@@ -172,4 +177,29 @@ def pull_fault(rod: Rod, found: Verification, touches: list[Touch]) -> str | Non
     nothing = NOTHING * float(np.min(rod.stiffness[:2])) / rod.length**2
     if together.min() < -1e-3 * max(float(np.abs(together).max()), nothing):
         return f"balance needs a surface to pull with {-together.min():.2e} N"
+    return None
+
+
+def sliding_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium, motion: np.ndarray) -> str | None:
+    """Where the claimed friction is not that of (53) of Liu et al. (2018), after a `motion` (3,) of the end.
+
+    It is mu times the normal force, along t x n, against the motion's part along that.
+    """
+    largest = max((float(np.linalg.norm(contact.force)) for contact in claim.contacts), default=0.0)
+    tangents = Rotation.from_quat(claim.orientations).as_matrix()[:, :, 2]
+    at = np.linspace(0.0, rod.length, len(tangents))
+    for contact in claim.contacts:
+        size = met[contact.obstacle].friction * contact.normal_force
+        if size <= ROUNDING * largest:
+            continue
+        where = f"contact with {contact.obstacle} at {contact.arc_length / rod.length:.4f} L"
+        t = np.array([np.interp(contact.arc_length, at, column) for column in tangents.T])
+        side = np.cross(t, contact.normal)
+        side /= np.linalg.norm(side)
+        along = float(contact.friction @ side)
+        if abs(abs(along) - size) > ACROSS * size:
+            return f"{where}: friction of {along:.3e} N across the cable is not {size:.3e} N"
+        towards = float(motion @ side)
+        if along * towards > 0.0 and abs(towards) > CLEARLY * float(np.linalg.norm(motion)):
+            return f"{where}: friction pushes the way the end goes"
     return None

@@ -28,7 +28,7 @@ from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, 
 from cable_ros.branch.property_change import Section, follow, with_section
 from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY, SearchedEquilibrium
 from cable_ros.branch.tracked_equilibrium import conditions_of
-from cable_ros.contact.friction_kernels import COULOMB
+from cable_ros.contact.friction_kernels import COULOMB, SLIDING
 from cable_ros.contact.shortest_path import gets_taut
 from cable_ros.contact.travel import travel
 from cable_ros.effects.effect import Properties
@@ -68,6 +68,12 @@ RISES = (
     " pose: its end force is {:.3g} N there and rises steeply. Go back, or reset the cable if it lies"
     " otherwise."
 )
+TURNED_OVER = (
+    "With all friction that friction_model: sliding asks for, the cable has no equilibrium beside the last"
+    " one on the way to this pose: that friction turns it over. The next pose is followed from there."
+)
+PATIENT = 3
+"""Number of such poses in a row, after which an equilibrium is searched for."""
 ORIGIN = np.array([0.0] * 6 + [1.0])
 """A start clamp there: x y z, quaternion x y z w."""
 POSE_LEFT_OUT = "a pose asked for before could not be reached, and friction depends on the path"
@@ -357,6 +363,12 @@ class CableTracker(SearchedEquilibrium):
             return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
         beyond = result.end is End.BEYOND_REACH
         why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
+        if self._model == SLIDING and rod.frictional and not beyond:
+            # that friction has no history: where the next pose has an equilibrium with it, it is found
+            self._turned_over += 1
+            if self._turned_over <= PATIENT:
+                return self.failed(Status.NOT_CONVERGED, TURNED_OVER, time.perf_counter() - begin)
+            why += " with all friction that friction_model: sliding asks for"
         cause = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved again from a cold start"
         return self._cold(kinematics, joints, poses, begin, self._twist, cause)
 

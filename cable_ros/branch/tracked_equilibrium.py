@@ -87,6 +87,7 @@ class TrackedEquilibrium(CableModel):
         self._resolved = 0.0
         self._estimate = self._margin = np.nan
         self._apart = np.inf
+        self._turned_over = 0  # poses in a row that the friction of `friction_model: sliding` kept it from
         self._share = 1.0  # of the longest step: what is left to try after a budget without progress
         self._taut_force = VERY_TAUT  # end force, EI / L^2, from which this branch is known to be taut
         self._grid_history: GridHistory | None = None
@@ -171,6 +172,7 @@ class TrackedEquilibrium(CableModel):
     ) -> Equilibrium:
         """Check the discretisation error, refine the mesh if it is too large, and make the result."""
         assert self._rod is not None
+        self._turned_over = 0
         if isinstance(self._rod, NodalRod):
             self._estimate = self._rod.relative_error(self._q, self._F)
             self._exactly(self._rod, status)

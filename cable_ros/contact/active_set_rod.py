@@ -54,6 +54,8 @@ of clamps and obstacles, L, and an addend, rad. In a larger one the iteration ma
 MANY, PLANAR, OUT = 8, 1e-8, 1e-3
 """Number of iterations in which rounding may lead out of a plane, what a planar shape is out of it by, and
 what shows that it has left it: half the turn of a section, rad."""
+TURN, LEAST_TURN = 0.25, 1 / 128
+"""First and least part of mobilised friction that turns back at once."""
 DENSE = 20.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
@@ -250,7 +252,11 @@ class ActiveSetRod(FixedSetRod):
         Y, S = (self.responses, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
         spent = 0
         if remesh and self.model == SLIDING:
-            q, F, spent = self._reverse(q, F, re, tolerance, limit)
+            code, spent, q, F = self._reverse(q, F, re, tolerance, limit)
+            if code != warm_step.ADVANCED:
+                self.restore(kept, mesh)
+                self.direction, self.ready = direction, False
+                return code, spent, q, F
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
             known = self.ready, self.settled is q
@@ -344,26 +350,40 @@ class ActiveSetRod(FixedSetRod):
 
     def _reverse(
         self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float
-    ) -> tuple[np.ndarray, np.ndarray, int]:
-        """Turn mobilised friction against the end's new direction, in steps if that turns back.
-
-        Returns the equilibrium reached and the iterations it took.
-        """
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:
+        """Turn mobilised friction against the end's new direction, in steps if that turns back."""
         motion = re - self.re
         size = float(np.linalg.norm(motion))
+        before, after = self.direction, motion / max(size, 1e-300)
         if size < 1e-12:
-            return q, F, 0
-        before, after = self.direction, motion / size
-        spent = 0
+            return warm_step.ADVANCED, 0, q, F
         if self.count and before @ after <= 0.0 and self.obstacles is not None:
-            for fraction in np.linspace(0.75, -0.75, 7):
-                self.direction = fraction * before if fraction > 0.0 else -fraction * after
-                code, iterations, q_new, F_new = self.correct(q, F, tolerance, limit, remesh=False)
-                spent += iterations
-                if code == warm_step.ADVANCED:
-                    q, F = q_new, F_new
+            return self.mobilise(q, F, before, after, tolerance, limit)
         self.direction = after
-        return q, F, spent
+        return warm_step.ADVANCED, 0, q, F
+
+    def mobilise(
+        self, q: np.ndarray, F: np.ndarray, before: np.ndarray, after: np.ndarray, tolerance: float,
+        limit: float,
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        """Lead friction that is mobilised against `before` through zero to that against `after`, both (3,).
+
+        Returns code, iterations and equilibrium as `step_in_contact`. Where friction turns the cable over,
+        there is none with all of it.
+        """
+        at, step, spent = -1.0 if before.any() else 0.0, TURN, 0
+        while at < 1.0:
+            there = min(at + step, 1.0)
+            self.direction = -there * before if there < 0.0 else there * after
+            code, iterations, q_new, F_new = self.correct(q, F, tolerance, limit, remesh=False)
+            spent += iterations
+            if code == warm_step.ADVANCED:
+                q, F, at, step = q_new, F_new, there, 2.0 * step
+                continue
+            step *= 0.5
+            if step < LEAST_TURN:
+                return code, spent, q, F
+        return warm_step.ADVANCED, spent, q, F
 
     def _remesh(
         self, q: np.ndarray, F: np.ndarray, iterations: int, tolerance: float

@@ -155,6 +155,7 @@ def point_terms(size):
     return PointTerms(
         np.zeros((size, 2, 3)), np.zeros((size, 2)), np.zeros(size), np.zeros((size, 3)), np.zeros(size),
         np.zeros((size, TANGENT)), np.zeros((size, 3)), np.zeros((size, 3)), np.zeros((size, 3)),
+        np.zeros((size, 3)),
     )  # fmt: skip
 
 
@@ -187,7 +188,7 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
             _, _, curvature = gap_at(shape, s - BESIDE, obstacle, other)
         terms.curvature[i] = max(curvature, 1e-9) if points[i, KIND] == POINT else 0.0
         for a in range(3):
-            normals[i, a], terms.t[i, a] = at.n[a], at.t[a]
+            normals[i, a], terms.t[i, a], terms.dt[i, a] = at.n[a], at.t[a], at.dt[a]
         terms.slopes[i, 0] = terms.slopes[i, 1] = terms.slopes[i, 2] = 0.0
         for k in range(2):
             terms.bends[i, k] = at.bends[k]

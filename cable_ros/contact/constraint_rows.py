@@ -64,7 +64,7 @@ def update_constraints(contacts, count, terms, rows):
     as_stiff = True
     for i in range(count):
         stick_constraints(points, i, terms.misfits, rows.lines, gaps)
-        if points[i, SLIP_ROW] > 0.0:
+        if points[i, SLIP_ROW] > 0.0 and terms.tangents[i, STIFFNESS] > 0.0:
             ratio = terms.tangents[i, STIFFNESS] * rows.delta[int(points[i, SLIP_ROW])]
             as_stiff = as_stiff and 1.0 / STIFFER < ratio < STIFFER
         if points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0:
@@ -106,6 +106,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
     frame = np.empty((4, nd))
     own, turn = np.empty((3, nd)), np.empty((3, nd))
     by_position = np.empty((3, columns))
+    mu = 0.0
     Nx, dNx = np.empty(order + 1), np.empty(order + 1)
     qs, gT, H, P, t = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty(3), np.empty(3)
     sticking = np.empty((2, 3))
@@ -209,17 +210,101 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             points[i, SLOPE_ROW] = total
             total += 1
         for b in range(begin, total):
+            copy(V[b], W[b])
+        if slip and friction[STIFFNESS] == 0.0 and points[i, FORCE] >= FAINT and not soft:
+            points[i, SLIP_ROW] = total
+            turning_rows(
+                (points[i], normals[i], terms, i, mu), by_position, turn, 3 * first, total, rows, gaps
+            )
+            total += 2
+        for b in range(begin, total):
             upto[b], owners[b] = e, i
+    held = total
     total = hold_rows(shape, points, count, tangents, rows, total, gaps)
     for b in range(3):
         copy(V[b], W[b])
-    for b in range(3 + count, total):
+    for b in range(held, total):
         copy(V[b], W[b])
     for i in range(count):
         stick_constraints(points, i, terms.misfits, lines, gaps)
     if soft:
         same = not row_reaches(shape, obstacles, contacts, count, terms, rows, total, strain) and same
     return total, same
+
+
+@njit(**INNER)
+def turning_rows(at, by_position, turn, first, b, rows, gaps):
+    """Two rows by which friction across the cable turns with the cable and with the normal.
+
+    Their unknowns are the changes of the friction along the normal and across both, at the same normal force.
+    A cable that hangs loose turns its own friction, which turns it on.
+
+    Args:
+        at: the point (COLUMNS,), the normal there (3,), `PointTerms`, the point's number, its coefficient.
+        by_position, turn: (3, 3n), (3, nd) derivatives of position and tangent at the point's arc length.
+        first: column of the first node of its element.
+        b: number of the first of both rows.
+        rows: `ConstraintRows`, whose V, W, delta and lines receive them.
+        gaps: of `ContactSet`.
+    """
+    point, n, terms, i, mu = at
+    V, W, delta, lines = rows.V, rows.W, rows.delta, rows.lines
+    t, d = terms.t[i], terms.tangents[i, DIRECTION:ACROSS]
+    side, unit, other = np.empty(3), np.empty(3), np.empty(3)
+    crossed(t, n, side)
+    size = np.sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
+    signed, tilted = 0.0, 0.0
+    for a in range(3):
+        unit[a] = side[a] / size
+        signed += d[a] * unit[a]
+        tilted += n[a] * t[a]
+    crossed(unit, n, other)
+    force = mu * point[FORCE] * signed / size
+    # the point moves along the cable as its gap's slope asks for
+    slides = point[KIND] == POINT and point[SLOPE_ROW] > 0.0
+    per_slope, bent, leans = 0.0, 0.0, np.zeros(3)
+    if slides:
+        per_slope = -1.0 / terms.curvature[i]
+    for k in range(2):
+        u, v = 0.0, 0.0
+        for a in range(3):
+            u += unit[a] * terms.directions[i, k, a]
+            v += t[a] * terms.directions[i, k, a]
+        bent += terms.bends[i, k] * u * v
+        for a in range(3):
+            leans[a] += terms.bends[i, k] * u * terms.directions[i, k, a]
+    curved = unit[0] * terms.dt[i, 0] + unit[1] * terms.dt[i, 1] + unit[2] * terms.dt[i, 2]
+    # friction's change along n is -force size (u . dn), across both force (u . dt - (n . t) u . dn)
+    for k in range(2):
+        by_lean, by_turn = (-force * size, 0.0) if k == 0 else (-force * tilted, force)
+        shift = by_lean * bent + by_turn * curved
+        for j in range(by_position.shape[1]):
+            V[b + k, j] = 0.0
+            for a in range(3):
+                line = by_lean * leans[a] + shift * per_slope * terms.slopes[i, a]
+                V[b + k, j] -= line * by_position[a, j]
+        for j in range(turn.shape[1]):
+            for a in range(3):
+                V[b + k, first + j] -= (by_turn * unit[a] + shift * per_slope * n[a]) * turn[a, j]
+        delta[b + k] = 1.0
+        gaps[b + k - 3] = -shift * per_slope * terms.tilts[i]
+        for a in range(3):
+            lines[b + k, a] = 0.0
+    row(W, b, n, by_position)
+    row(W, b + 1, other, by_position)
+    if slides:  # it takes its friction along
+        k = int(point[SLOPE_ROW])
+        for j in range(turn.shape[1]):
+            for a in range(3):
+                W[k, first + j] += mu * d[a] * turn[a, j]
+
+
+@njit(**LEAF)
+def crossed(u, v, out):
+    """The vector product of u and v, (3,), into `out` (3,)."""
+    out[0] = u[1] * v[2] - u[2] * v[1]
+    out[1] = u[2] * v[0] - u[0] * v[2]
+    out[2] = u[0] * v[1] - u[1] * v[0]
 
 
 @njit(**LEAF)

@@ -177,6 +177,8 @@ class PointTerms(NamedTuple):
     """(k, 3) how far the spring of what sticks is off its force, L."""
     t: np.ndarray
     """(k, 3) tangents of the cable."""
+    dt: np.ndarray
+    """(k, 3) curvature vectors of the cable, 1 / L."""
     creep: np.ndarray
     """(k, 3) change since the last equilibrium of the position's derivative by the arc length, just before
     the point; 0 for a cable that keeps its length."""

@@ -64,6 +64,7 @@ LONGEST_STAY = 31
 
 SAME_COMPLIANCE = 0.01
 """Maximum change of the end's compliance, relative, with which factors still serve."""
+NO_ROWS = np.zeros(0, int)
 UNSTRAINED_HELD = NOTHING, UNSTRAINED, np.zeros((0, 0)), np.zeros((0, 0)), HELD
 """`Strain` of a cable that keeps its length and is held at its end."""
 
@@ -299,9 +300,19 @@ class FixedSetRod(Rod):
         self.judged = True
         system = *self.saddle[:2], self._factors(self.complement)
         reach, give = self.strain[2], self.end_compliance
-        return bool(
-            entry_points.kkt_factor(mu, system, self.V, self.delta, reach, give, self.rows, equalities)
-        )
+        turning = self._turning_rows()
+        kept, self.V[turning] = self.V[turning], 0.0  # friction as it is
+        definite = entry_points.kkt_factor(mu, system, self.V, self.delta, reach, give, self.rows, equalities)
+        self.V[turning] = kept
+        return bool(definite)
+
+    def _turning_rows(self) -> np.ndarray:
+        """Numbers of the constraint rows by which friction turns with the cable."""
+        if self.model != SLIDING:
+            return NO_ROWS
+        rows = self.points[: self.count, SLIP_ROW].astype(int)
+        rows = rows[rows > 0]
+        return np.concatenate([rows, rows + 1])
 
     def _judge(self) -> None:
         """Compute factors for stability and error estimates: those of the iteration with friction are not."""

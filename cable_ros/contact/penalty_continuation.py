@@ -13,10 +13,10 @@ import numpy as np
 from cable_ros.contact.active_set_rod import ActiveSetRod, leaves_plane
 from cable_ros.contact.distance import POSE
 from cable_ros.contact.edge_rounding import remove_rounding, rounded
-from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.penalty import PenaltyProblem
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, INTERFACE, OBSTACLE
-from cable_ros.contact.response import HELD
+from cable_ros.contact.response import HELD, NOTHING
 from cable_ros.rod import warm_step
 from cable_ros.solve.trust_region import Options, minimize
 
@@ -144,16 +144,25 @@ def descend_instead(
     if failed[0] == warm_step.TOO_FAR and rod.model == FRICTIONLESS and not rod.short:
         return failed  # a shorter step costs less than a descent
     rod.patience -= 1
-    before, kept = (rod.qe, rod.re, rod.f, rod.obstacles), rod.state()
+    before, kept, direction = (rod.qe, rod.re, rod.f, rod.obstacles), rod.state(), rod.direction
+    ahead = re - rod.re
+    against = ahead / np.linalg.norm(ahead) if ahead.any() else direction
     mesh, shape = rod.mesh, rod.mesh.interpolate(q, GRID)
     rod.set_conditions(qe, re, f, obstacles)
     start = q.copy()
     start[-1] = end
     kept_back = (1.0 - SHARE) * rod.work if np.isfinite(rod.work) else 0.0
     rod.work -= kept_back
+    rod.direction = NOTHING  # mobilised friction has no history, and is mobilised again where it arrives
     found = descent(rod, start, F, DESCENT_OPTIONS, FAR)
+    code = warm_step.ADVANCED
+    if found is not None and rod.model == SLIDING:
+        code, more, q_new, F_new = rod.mobilise(
+            found[0], found[1], NOTHING, against, DESCENT_OPTIONS.step_tolerance, limit
+        )
+        found = q_new, F_new, found[2] + more
     rod.work += kept_back
-    if found is not None:
+    if found is not None and code == warm_step.ADVANCED:
         after = rod.mesh.interpolate(found[0], GRID)
         moved = 2.0 * np.sqrt(max(0.0, 1.0 - float(np.abs(np.sum(shape * after, axis=1)).min()) ** 2))
         near = moved < min(limit, 0.02 + 20.0 * motion) and not leaves_plane(q, found[0], qe, re)
@@ -162,6 +171,7 @@ def descend_instead(
             return warm_step.ADVANCED, failed[1] + found[2], found[0], found[1]
     rod.restore(kept, mesh)
     rod.set_conditions(*before)
+    rod.direction = direction
     return failed
 
 
