@@ -46,7 +46,7 @@ def test_a_catenary_is_the_elastica(bench: ModuleType, span: float) -> None:
         assert bench.rod_error("catenary", catenary.catenary.scenario, result.trajectory) < 1e-5
 
 
-@pytest.mark.parametrize(("drop", "tolerance"), [(0.1, 1e-6), (0.05, 1e-8)])
+@pytest.mark.parametrize(("drop", "tolerance"), [(0.05, 1e-6), (0.05, 1e-8)])
 def test_two_ropes_that_cross_are_two_elasticas(
     bench: ModuleType, monkeypatch: pytest.MonkeyPatch, drop: float, tolerance: float
 ) -> None:
@@ -55,6 +55,12 @@ def test_two_ropes_that_cross_are_two_elasticas(
     # the shape is known about as well as the wrenches; the boundary-value problem's is to 1e-9
     error = bench.rod_error("crossing", crossing.build(1e6, drop), result.trajectory)
     assert error < 3.0 * tolerance
+
+
+def test_ropes_of_which_one_slips_aside_are_not_said_to_rest(bench: ModuleType) -> None:
+    """Led down over another one in a wind of a thousandth of its weight, it slips 50 times as far at 0.1."""
+    with pytest.raises(RuntimeError, match="snap on the way"):
+        run(crossing.crossing, bench.Statics(), values={"drop": 0.1})
 
 
 @pytest.mark.parametrize("tension", [1.0, 10.0, 30.0])
