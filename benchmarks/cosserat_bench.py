@@ -263,6 +263,7 @@ def others(names: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
         experiment = vars(module)[module.__name__.rpartition(".")[2]]
         for solver in (Statics(), *(load_solver(name) for name in names)):
             values = {"drop": DROP} if module is crossing else {}
+            name = f"{experiment.name}, drop {DROP:g}" if values else experiment.name
             result = run(experiment, solver, values=values)
             if result.trajectory is None:
                 why = result.failure or f"not there: {', '.join(result.missing)}"
@@ -273,14 +274,14 @@ def others(names: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
                         "twist", solver.name, f"critical_twist_error {error:.1e}", time.perf_counter() - begin
                     )
                     continue
-                yield _row(experiment.name, solver.name, why, result.wall_time)
+                yield _row(name, solver.name, why, result.wall_time)
                 continue
             told = [
-                f"{name} {value:.1e}" for name, value in result.metrics.items() if name != "settling_residual"
+                f"{key} {value:.1e}" for key, value in result.metrics.items() if key != "settling_residual"
             ]
             scenario = crossing.build(1e6, DROP) if module is crossing else experiment.scenario
             error = rod_error(experiment.name, scenario, result.trajectory)
-            yield _row(experiment.name, solver.name, ", ".join(told), result.wall_time, error)
+            yield _row(name, solver.name, ", ".join(told), result.wall_time, error)
 
 
 def _row(

@@ -85,6 +85,8 @@ DRAWN = {
     (127, 25): "a rough lift, told in 4 times as many poses: 1.6 %",
     (127, 30): "a rough ball pushed up under a cable: a grid's error is too large",
     (127, 47): "a rough lift led aside: the branch is lost on a finer path only",
+    (128, 9): "a rough lift laid flat again, told in 4 times as many poses: 1.2 %",
+    (128, 51): "a rough lift laid flat again, told in 4 times as many poses: 1.5 %",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 

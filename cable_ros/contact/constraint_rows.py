@@ -32,6 +32,7 @@ from cable_ros.contact.points import (
 )
 from cable_ros.contact.stretched import row_reaches
 from cable_ros.linalg.copies import copy
+from cable_ros.linalg.vectors import cross
 from cable_ros.rod.centreline import (
     find_element,
     increments,
@@ -250,15 +251,14 @@ def turning_rows(at, by_position, turn, first, b, rows, gaps):
     point, n, terms, i, mu = at
     V, W, delta, lines = rows.V, rows.W, rows.delta, rows.lines
     t, d = terms.t[i], terms.tangents[i, DIRECTION:ACROSS]
-    side, unit, other = np.empty(3), np.empty(3), np.empty(3)
-    crossed(t, n, side)
+    side, unit, other = cross(t, n), np.empty(3), np.empty(3)
     size = np.sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
     signed, tilted = 0.0, 0.0
     for a in range(3):
         unit[a] = side[a] / size
         signed += d[a] * unit[a]
         tilted += n[a] * t[a]
-    crossed(unit, n, other)
+    other[0], other[1], other[2] = cross(unit, n)
     force = mu * point[FORCE] * signed / size
     # the point moves along the cable as its gap's slope asks for
     slides = point[KIND] == POINT and point[SLOPE_ROW] > 0.0
@@ -297,14 +297,6 @@ def turning_rows(at, by_position, turn, first, b, rows, gaps):
         for j in range(turn.shape[1]):
             for a in range(3):
                 W[k, first + j] += mu * d[a] * turn[a, j]
-
-
-@njit(**LEAF)
-def crossed(u, v, out):
-    """The vector product of u and v, (3,), into `out` (3,)."""
-    out[0] = u[1] * v[2] - u[2] * v[1]
-    out[1] = u[2] * v[0] - u[0] * v[2]
-    out[2] = u[0] * v[1] - u[1] * v[0]
 
 
 @njit(**LEAF)

@@ -23,6 +23,7 @@ from cable_ros.contact.points import (
     STICK_ROW,
     WAS,
 )
+from cable_ros.linalg.vectors import cross
 
 DIRECTION, ACROSS, STIFFNESS, TANGENT = 0, 3, 6, 7
 """Slots of a tangent of friction: direction of the slip force (3), direction across it (3), stiffness across;
@@ -72,7 +73,7 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
         limit[a] = 0.0
     cone = mu * max(points[i, FORCE], 0.0)
     if history.model == SLIDING:
-        side = t[1] * n[2] - t[2] * n[1], t[2] * n[0] - t[0] * n[2], t[0] * n[1] - t[1] * n[0]
+        side = cross(t, n)
         size = np.sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
         along = side[0] * direction[0] + side[1] * direction[1] + side[2] * direction[2]
         share = np.sqrt(direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2)

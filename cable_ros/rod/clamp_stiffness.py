@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import LEAF, njit
+from cable_ros.compilation import njit
 from cable_ros.linalg.bordered import end_coupling, end_rows, saddle_step
+from cable_ros.linalg.vectors import cross
 from cable_ros.rod import quaternion
 from cable_ros.rod.energy_kernels import gradient
 from cable_ros.rod.rod_state import Evaluation, Section, grid_of, system_of
@@ -74,8 +75,8 @@ def clamp_response(q, F, conditions, grid, system):
                 row, at = n - 3 + max(i, j), band - abs(i - j)
                 moment[i] += (elastic[row, at] + geometric[row, at]) * theta[j]
         # components along axes that turn with the clamp; the gradient's half turn is the chart's
-        turned = _cross(theta, Fb)
-        half = _cross(theta, M)
+        turned = cross(theta, Fb)
+        half = cross(theta, M)
         dFb = quaternion.turned(back, dF)
         for i in range(3):
             inner[i, k] = -dF[i] - (unit[i] if k >= 6 else 0.0)
@@ -96,8 +97,8 @@ def clamp_response(q, F, conditions, grid, system):
             unit[i] = 0.0
         unit[k] = 1.0
         along = quaternion.turned(back, unit)
-        across = quaternion.turned(back, _cross(unit, re))
-        turned = _cross(unit, f)
+        across = quaternion.turned(back, cross(unit, re))
+        turned = cross(unit, f)
         for i in range(12):
             translation, turn = 0.0, 0.0
             for a in range(3):
@@ -106,9 +107,3 @@ def clamp_response(q, F, conditions, grid, system):
             out[i, k] = translation
             out[i, 3 + k] = turn
     return out
-
-
-@njit(**LEAF)
-def _cross(a, b):
-    """The cross product of two vectors a, b (3,), as a tuple."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
