@@ -22,9 +22,8 @@ ORDER = 6
 """Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
 
 REFACTOR, OFF = 0.05, 0.1
-"""Rotation of a section, rad, after which factors, stability margin and error estimate are renewed, earlier
-if it is more than the margin; and the relative error of the margin, extrapolated from its last change, at
-which that is as well."""
+"""Rotation of a section, rad, after which factors, stability margin and error estimate are renewed; and the
+relative error of the margin, extrapolated from its last change, at which they are renewed earlier."""
 NO_LINES, NO_ELEMENTS, NO_DELTA = np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0)
 """For `error_estimate.error`: no contact."""
 
@@ -271,9 +270,11 @@ class Rod(WithoutContact):
         """
         margin = self._softest()
         change = abs(margin - self.margin)
-        self.refactor_at = min(REFACTOR, margin)  # it changes by about as much
-        if change > 0.0 and self.rotation_before < np.inf:
-            self.refactor_at = min(self.refactor_at, OFF * margin * self.rotation_before / change)
+        self.refactor_at = REFACTOR
+        if self.rotation_before == np.inf:  # how fast it changes is not known
+            self.refactor_at = min(REFACTOR, margin)
+        elif change > 0.0:
+            self.refactor_at = min(REFACTOR, OFF * margin * self.rotation_before / change)
         self.margin = margin
         return margin
 
