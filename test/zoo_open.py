@@ -87,6 +87,8 @@ DRAWN = {
     (127, 47): "a rough lift led aside: the branch is lost on a finer path only",
     (128, 9): "a rough lift laid flat again, told in 4 times as many poses: 1.2 %",
     (128, 51): "a rough lift laid flat again, told in 4 times as many poses: 1.5 %",
+    (129, 18): "along a smooth wall: the judge finds a pull of 2e-4 N where a patch is about to part",
+    (129, 26): "a rough slot, told in 4 times as many poses: 3.8 %",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 
