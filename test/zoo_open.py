@@ -89,6 +89,18 @@ DRAWN = {
     (128, 51): "a rough lift laid flat again, told in 4 times as many poses: 1.5 %",
     (129, 18): "along a smooth wall: the judge finds a pull of 2e-4 N where a patch is about to part",
     (129, 26): "a rough slot, told in 4 times as many poses: 3.8 %",
+    (130, 11): "a weightless cable on a rough table: it slides 2.9e-4 L the way its friction pushes",
+    (130, 38): "a hose: it slides 1.1e-4 of its length the way its friction pushes",
+    (130, 39): "a rough lift laid flat again, told in 4 times as many poses: 2.5 %",
+    (130, 43): "a rough edge on a grid: its error is too large",
+    (130, 55): "a smooth lift: the branch is lost on a finer path only",
+    (130, 64): "over rough beams, told in 4 times as many poses: 1.8 %",
+    (130, 80): "a rough table pushed up, told in 4 times as many poses: 1.8 %",
+    (130, 102): "a rough lift led aside: a grid's error, 7 %, is too large for 19 poses",
+    (130, 111): "a rough lift in 199 poses: a grid's error, 5 %, is too large for all of them",
+    (130, 114): "a rough tray pushed up: the branch is lost",
+    (130, 159): "a weightless round cable that turns freely: to which side it is pushed depends on the steps",
+    (130, 178): "an edge pushed up under a rough cable, told in 4 times as many poses: 1.6 %",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 
