@@ -46,8 +46,8 @@ FREE_MOMENT = 1e-8
 LIFTED = 0.4
 """Height, m, from which the upper of two ropes comes down."""
 DROP = 0.05
-"""Height, m, that the upper of two ropes is held up by; from about 0.08 on the symmetric equilibrium that the
-reference is has no minimum of the energy: without friction the lower rope slips aside along the upper one."""
+"""Height, m, that the upper of two ropes is held up by; from about 0.08 on the symmetric equilibrium of the
+reference is no minimum of the energy: without friction the lower rope slips aside along the upper one."""
 MOST_TURNS = 12
 """Maximum number of steps in which the ends are released."""
 

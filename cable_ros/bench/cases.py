@@ -291,9 +291,10 @@ def run_case(case: Case) -> Outcome:
         tracker = Tracker(scene, tolerance=case.tolerance, polyline_points=case.polyline_points)
         kinematics = Kinematics(scene)
         for joints in case.path:
+            before = steps[-1].rod if steps else None
             steps += solve_step(tracker, scene, kinematics, joints, case)
-            if scene.friction_model == "sliding" and len(scene.cables) == 1:
-                steps[-2:] = _with_sliding(steps[-2:], kinematics, joints)
+            if scene.friction_model == "sliding" and len(scene.cables) == 1 and before is not None:
+                steps[-1] = _with_sliding(before, steps[-1], kinematics, joints)
     except Exception as raised:  # an exception is what a case must never end in
         last = traceback.extract_tb(raised.__traceback__)[-1]
         where = f"{os.path.basename(last.filename)}:{last.lineno}"
@@ -305,9 +306,8 @@ def run_case(case: Case) -> Outcome:
     return Outcome(case, steps, _fault(case, steps, error), error)
 
 
-def _with_sliding(steps: list[Step], kinematics: Kinematics, joints: Pose) -> list[Step]:
-    """A step after the one before it, its friction judged by (53) of Liu et al. (2018)."""
-    before, step = steps[0].rod, steps[-1]
+def _with_sliding(before: Rod, step: Step, kinematics: Kinematics, joints: Pose) -> Step:
+    """A step after a rod led from `before`, its friction judged by (53) of Liu et al. (2018)."""
     assert step.scene is not None
     turn = [Rotation.from_quat(rod.start[3:]) for rod in (before, step.rod)]
     ends = [
@@ -316,10 +316,10 @@ def _with_sliding(steps: list[Step], kinematics: Kinematics, joints: Pose) -> li
     motion = turn[1].apply(ends[1] - ends[0])
     told = step.equilibrium.status.trusted and step.fault is None
     if not told or np.linalg.norm(motion) < MOVED * step.rod.length:
-        return steps
+        return step
     (cable,) = step.scene.cables
     met = surfaces(step.scene, kinematics, joint_values(kinematics, joints), cable.radius)
-    return [*steps[:-1], replace(step, fault=sliding_fault(step.rod, met, step.equilibrium, motion))]
+    return replace(step, fault=sliding_fault(step.rod, met, step.equilibrium, motion))
 
 
 def _fault(case: Case, steps: list[Step], error: float) -> str | None:

@@ -58,7 +58,7 @@ def test_two_ropes_that_cross_are_two_elasticas(
 
 
 def test_ropes_of_which_one_slips_aside_are_not_said_to_rest(bench: ModuleType) -> None:
-    """Led down over another one in a wind of a thousandth of its weight, it slips 50 times as far at 0.1."""
+    """Led down in a wind of a thousandth of its weight, it slips by a twentieth of its length at 0.1."""
     with pytest.raises(RuntimeError, match="snap on the way"):
         run(crossing.crossing, bench.Statics(), values={"drop": 0.1})
 

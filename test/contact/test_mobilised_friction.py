@@ -98,6 +98,7 @@ def test_friction_that_is_not_all_there_is_told(
 
     assert "is not" in told(np.zeros(3))
     assert "is not" in told(0.9 * one.friction)
+    assert "pushes the way the end goes" in told(-one.friction)
 
 
 @pytest.mark.parametrize("index", [106, 172])
@@ -110,10 +111,9 @@ def test_a_cable_that_friction_turns_over_is_not_published_without_it(index: int
     assert "friction_model: sliding" in steps[1].equilibrium.message
 
 
-def test_mobilised_friction_is_solved_for_by_newtons_method(
+def test_the_twelfth_digit_of_the_joint_does_not_show(
     on_the_ball: tuple[Scene, Tracker, list[Equilibrium]],
 ) -> None:
-    """The answer goes to and fro in the twelfth digit of the joint, not with the way to it."""
     scene = on_the_ball[0]
     ends = []
     for shift in (0.0, 1e-12):
