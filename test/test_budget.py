@@ -13,7 +13,7 @@ from zoo_make import SKEW, cable
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.batch import solve_many
 from cable_ros.bench.carriage import on_carriage
-from cable_ros.branch import cable_tracker
+from cable_ros.branch import followed_equilibrium
 from cable_ros.contact.active_set_rod import DENSE
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.scene import Scene
@@ -42,7 +42,7 @@ def test_a_pose_out_of_reach_is_not_continued_to(monkeypatch: pytest.MonkeyPatch
     tracker = Tracker(scene)
     before = tracker.solve(home)["cable"]
     assert before.status is Status.CONVERGED
-    monkeypatch.setattr(cable_tracker, "continue_branch", None)  # calling it would raise
+    monkeypatch.setattr(followed_equilibrium, "continue_branch", None)  # calling it would raise
     far = tracker.solve({**home, "z": 0.92})["cable"]
     assert far.status is Status.OUT_OF_REACH
     assert "'cable' is too short to get past obstacle 'ball'" in far.message
@@ -63,7 +63,7 @@ def test_a_path_that_takes_too_much_is_solved_again_and_says_so(monkeypatch: pyt
     path = [home, {**home, "z": 0.3, "x": -0.4, "pitch": 1.0}]
     there = solved(path, scene)[-1]
     assert there.status.trusted
-    monkeypatch.setattr(cable_tracker, "WORK", 0)
+    monkeypatch.setattr(followed_equilibrium, "WORK", 0)
     fresh = solved(path, scene)[-1]
     assert fresh.status is Status.BRANCH_LOST
     assert not fresh.converged
@@ -99,7 +99,7 @@ def test_a_pose_whole_turns_away_takes_several_calls(far: float, most: int) -> N
             (found,) = tracker.solve({**home, "yaw": yaw}).values()
             calls, status = calls + 1, found.status
             # a step costs some work beside its iterations
-            assert found.iterations <= cable_tracker.FREE_WORK / 30
+            assert found.iterations <= followed_equilibrium.FREE_WORK / 30
         assert status is Status.CONVERGED
         assert calls <= most
         assert found.total_twist == pytest.approx(before.total_twist, abs=1e-3)
@@ -135,7 +135,7 @@ def test_an_impossible_value_is_answered_at_once(value: float, monkeypatch: pyte
     scene, urdf, home = on_carriage(cable(SKEW))
     tracker = Tracker(load_scene(scene, urdf=urdf))
     tracker.solve(home)
-    monkeypatch.setattr(cable_tracker, "continue_branch", None)  # calling it would raise
+    monkeypatch.setattr(followed_equilibrium, "continue_branch", None)  # calling it would raise
     (found,) = tracker.solve({**home, "spin": value}).values()
     assert found.status is Status.INVALID_INPUT
 
@@ -146,7 +146,7 @@ def test_offline_work_goes_on_until_it_arrives(monkeypatch: pytest.MonkeyPatch) 
         [[{**home, "yaw": yaw}[name] for name in Tracker(scene).joint_names] for yaw in (0.0, 20.0)]
     )
     exact = solve_many(scene, poses)
-    monkeypatch.setattr(cable_tracker, "FREE_WORK", 5000)
+    monkeypatch.setattr(followed_equilibrium, "FREE_WORK", 5000)
     (found,) = Tracker(scene).solve(home).values()
     batch = solve_many(scene, poses)
     assert batch.status.ravel().tolist() == [Status.CONVERGED] * 2
@@ -166,4 +166,4 @@ def test_work_is_counted() -> None:
     assert found.status is Status.CONVERGED
     assert found.iterations > 0
     each = rod.elastic.shape[0] + rod.rows**2 / DENSE
-    assert cable_tracker.WORK - rod.work == pytest.approx(found.iterations * each, abs=1e-6)
+    assert followed_equilibrium.WORK - rod.work == pytest.approx(found.iterations * each, abs=1e-6)

@@ -3,90 +3,30 @@
 
 from __future__ import annotations
 
-import copy
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from cable_ros.branch import handover
-from cable_ros.branch.branch_record import Loss
-from cable_ros.branch.cable_model import CLAMP_DEPTH
-from cable_ros.branch.cold_start import (
-    MOST_ELEMENTS,
-    Conditions,
-    Found,
-    better_mesh,
-    equilibria,
-    on_mesh,
-    refine,
-    without_slivers,
-)
-from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, continue_branch
+from cable_ros.branch.followed_equilibrium import FollowedEquilibrium
 from cable_ros.branch.property_change import Section, follow, with_section
-from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY, SearchedEquilibrium
-from cable_ros.branch.tracked_equilibrium import conditions_of
-from cable_ros.contact.friction_kernels import COULOMB, SLIDING
-from cable_ros.contact.shortest_path import gets_taut
-from cable_ros.contact.travel import travel
+from cable_ros.branch.searched_equilibrium import ALGEBRAIC
+from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
-from cable_ros.rod import warm_step
-from cable_ros.rod.kirchhoff import Rod
-from cable_ros.rod.rod_state import TWIST
 from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
 
-LONGEST = 0.5
-"""Maximum step in joint values, rad or m, that is taken at once: a whole turn must not be overlooked."""
-PATIENCE = 6
-"""Maximum number of penalty continuations in one solve: each takes as long as a cold start."""
-FREE_WORK = 60_000
-"""Budget of one solve without obstacles, iterations times unknowns: about 50 ms at 0.8 us."""
-WORK = 150_000
-"""The same among obstacles, about 300 ms at 2 us; continuations that arrive take a quarter of it."""
-PROGRESS = 0.01
-"""Minimum progress of one solve, as a fraction of the longest step; with less it is stuck."""
-LEAST_SHARE = 0.01
-"""Unless its steps, halved again and again, were still longer than this when the budget was used up."""
-SAME_TWIST = 1e-2
-"""Maximum difference of total twist, rad, of one equilibrium on two meshes."""
-FAR = 1.0
-"""Number of longest steps beyond which the path is checked for obstruction before it is tried."""
 MOST_WAITING = 64
 """Maximum number of poses that wait to be passed through, as friction depends on the path."""
 ENOUGH = 0.1
 """Minimum fraction of the budget left to go from one of them to the next."""
-TAUT = (
-    "Cable '{}' is taut around obstacle '{}': on the way to this pose, of which {:.3g} % could be followed,"
-    " its tension has no bound. Go back, or reset the cable if it lies otherwise."
-)
-RISES = (
-    "Cable '{}' is pulled around obstacle '{}' and could not be followed beyond {:.3g} % of the way to this"
-    " pose: its end force is {:.3g} N there and rises steeply. Go back, or reset the cable if it lies"
-    " otherwise."
-)
-TURNED_OVER = (
-    "With all friction that friction_model: sliding asks for, the cable has no equilibrium beside the last"
-    " one on the way to this pose: that friction turns it over. The next pose is followed from there."
-)
-PATIENT = 3
-"""Number of such poses in a row, after which an equilibrium is searched for."""
-ORIGIN = np.array([0.0] * 6 + [1.0])
-"""A start clamp there: x y z, quaternion x y z w."""
-POSE_LEFT_OUT = "a pose asked for before could not be reached, and friction depends on the path"
 POSES_CUT = f"more than {MOST_WAITING} poses wait to be passed through, and friction depends on the path"
 
 
-class CableTracker(SearchedEquilibrium):
+class CableTracker(FollowedEquilibrium):
     """Keeps one cable on its branch, given the world poses (2, 7) of its two clamps."""
-
-    @property
-    def _full_budget(self) -> float:
-        """Budget of one solve, iterations times unknowns."""
-        return FREE_WORK if self._obstacles is None else WORK
 
     def change_properties(
         self, properties: Properties, kinematics: Callable[[np.ndarray], np.ndarray], index: int
@@ -163,220 +103,3 @@ class CableTracker(SearchedEquilibrium):
         if self._rod is not None:
             self._budget = min(self._budget, self._rod.work)
         return found
-
-    def _follow(
-        self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
-    ) -> Equilibrium:
-        if self._rod is not None and self._resolved != self.tolerance:
-            self._resolve()
-        rod = self._rod
-        if rod is None:
-            target_twist = self._target_twist if self._twist is None else self._twist
-            return self._cold(kinematics, joints, poses, begin, target_twist)
-        rod.work = self._budget
-        rod.patience, rod.short = PATIENCE, False
-        if self._share < 1.0 or _largest_difference(joints, self._joints) > LONGEST:
-            return self._continue_to(kinematics, index, joints, poses, begin)
-        qe, re, f, obstacles, far, room = self._destination(kinematics, joints, poses, rod)
-        if room < -CLAMP_DEPTH and (inside := self._clamp_inside(obstacles, re)):
-            return self.failed(Status.OUT_OF_REACH, inside, time.perf_counter() - begin)
-        if far > rod.longest_step:
-            return self._continue_to(kinematics, index, joints, poses, begin)
-        before = conditions_of(rod) if self._remembers else None
-        code, iterations, q, F = rod.advance(
-            self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
-        )
-        if code == warm_step.ADVANCED:
-            self._q, self._F, self._joints = q, F, joints
-            if before is not None:
-                self._add_motion(before, True, partial(self._free_twist, kinematics, index))
-            return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
-        return self._continue_to(kinematics, index, joints, poses, begin)
-
-    def _free_twist(self, kinematics: Kinematics, index: int, loss: Loss) -> float | None:
-        """Total twist, rad, here of a cable without contact, continued straight from the last known pose.
-
-        None if there is no such pose; NaN if the continuation does not arrive.
-        """
-        if not loss.joints:
-            return None
-        origin = np.array(loss.joints)
-
-        def free(t: float, before: np.ndarray) -> Conditions:
-            there = kinematics.poses(origin + t * (self._joints - origin))[index]
-            return Conditions(*relative(there, before, self._weight, self._units.length, self._units.force))
-
-        start = free(0.0, IDENTITY)
-        found = equilibria(
-            self._stiffness,
-            self._natural,
-            start,
-            loss.twist,
-            self.tolerance,
-            False,
-            self._compliance,
-            self._ends,
-        )
-        if not found:
-            return np.nan
-        one = min(found, key=lambda one: abs(one.twist - loss.twist))
-        one.rod.work = FREE_WORK
-
-        def path(t: float) -> Conditions:
-            return free(t, one.rod.qe)
-
-        led = continue_branch(one.rod, one.q, one.F, path, ALGEBRAIC * self.tolerance)
-        return float(led.rod.totals[TWIST]) if led.end is End.ARRIVED else np.nan
-
-    def _resolve(self) -> None:
-        """Solve the present equilibrium to another tolerance; lose it if that fails."""
-        rod, tolerance = self._rod, self.tolerance
-        assert rod is not None
-        if rod.on_grid:  # the grid does not depend on the tolerance
-            self._resolved = tolerance
-            return
-        spare = copy.deepcopy(rod)
-        if rod.refactor(self._q, self._F):
-            found = Found.at(rod, self._q, self._F)
-            if not rod.touches:
-                # a coarser mesh may do
-                mesh = better_mesh(rod, rod.relative_error(self._q, self._F), tolerance)
-                if len(mesh.lengths) > MOST_ELEMENTS:
-                    mesh = without_slivers(rod.mesh)
-                other = on_mesh(found, mesh)
-                found = found if other is None or abs(other.twist - found.twist) > SAME_TWIST else other
-            fine, estimate = refine(found, tolerance)
-            if estimate <= tolerance:
-                self._take(fine, self._joints)
-                return
-        if rod.relative_error(self._q, self._F) <= tolerance:
-            # the mesh is fine enough
-            self._rod, self._resolved = spare, tolerance
-            return
-        if self._onto_grid(rod, self._q, self._F):
-            self._resolved = tolerance
-            return
-        self._rod = None
-        self._lose(f"it could not be brought to the tolerance {tolerance:g}")
-
-    def _taut(self, rod: Rod, path: Callable[[float], Conditions], at: float) -> str:
-        """The sentence on a cable whose end force seems to go to infinity, at a fraction of the way.
-
-        It is taut if the string to which it can be pulled gets longer than the cable on the rest of the way.
-        A cable that friction holds off its shortest path has slack, and yet a force that rises as steeply.
-        """
-        read = rod.loaded_contacts(self._q)
-        if read is None:
-            return Status.NOT_CONVERGED.sentence
-        contacts = read()
-        pressing = contacts.obstacles[np.argmax(np.linalg.norm(contacts.forces, axis=1))]
-        told = self.name, self._names[int(pressing)], 100.0 * at
-        if self._gets_taut(rod, path, at):
-            return TAUT.format(*told)
-        return RISES.format(*told, float(np.linalg.norm(self._F)) * self._units.force)
-
-    def _gets_taut(self, rod: Rod, path: Callable[[float], Conditions], at: float) -> bool:
-        """See `gets_taut`, from the present equilibrium to the end of the path."""
-
-        def there(t: float) -> tuple[np.ndarray, np.ndarray]:
-            conditions = path(at + t * (1.0 - at))
-            assert conditions.obstacles is not None
-            return conditions.re, conditions.obstacles
-
-        re, obstacles = there(1.0)
-        assert rod.obstacles is not None
-        far = travel(rod.qe, rod.re, rod.obstacles, rod.qe, re, obstacles)
-        return gets_taut(self.outline(ORIGIN) / self._units.length, there, far, self._reach)
-
-    def _too_short_far(self, rod: Rod, there: Conditions) -> str:
-        """`_too_short` if the path takes several steps, else empty: the check costs as much as some steps."""
-        assert rod.obstacles is not None
-        assert there.obstacles is not None
-        far = travel(rod.qe, rod.re, rod.obstacles, there.qe, there.re, there.obstacles)
-        return self._too_short(there.obstacles, there.re) if far > FAR * rod.longest_step else ""
-
-    def _continue_to(
-        self, kinematics: Kinematics, index: int, joints: np.ndarray, poses: np.ndarray, begin: float
-    ) -> Equilibrium:
-        """Continue the branch through the joints to a pose too far for one step; cold start if that fails."""
-        rod = self._rod
-        assert rod is not None
-        there = self._conditions(kinematics, joints, poses, IDENTITY)
-        within = there.obstacles is not None and float(np.linalg.norm(there.re)) < self._reach
-        if within and (
-            obstruction := self._clamp_inside(there.obstacles, there.re) or self._too_short_far(rod, there)
-        ):
-            return self.failed(Status.OUT_OF_REACH, obstruction, time.perf_counter() - begin)
-        rod.refactor(self._q, self._F)
-        origin, before, start = self._joints, conditions_of(rod), rod
-
-        def path(t: float) -> Conditions:
-            there = origin + t * (joints - origin)
-            return self._conditions(kinematics, there, kinematics.poses(there)[index], start.qe)
-
-        distance = float(np.abs(joints - origin).max(initial=0.0))
-        longest = LONGEST / max(distance, LONGEST)
-        fallback = handover.nodal if rod.replaceable else None
-        first, self._share = longest * min(rod.stride, rod.first_stride, self._share), 1.0
-        tolerance = ALGEBRAIC * self.tolerance
-        result = continue_branch(
-            rod, self._q, self._F, path, tolerance, first, longest, fallback, rod.longest_step,
-            FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK, self._taut_force,
-            may_turn=self._ends is None,
-        )  # fmt: skip
-        self._rod = rod = result.rod
-        # continue from where it ended, maybe on another rod
-        reached = joints if result.end is End.ARRIVED else origin + result.at * (joints - origin)
-        self._q, self._F, self._joints = result.q, result.F, reached
-        self._record_snaps(result.snaps)
-        progressed = result.at >= PROGRESS * longest or any(snap.folded for snap in result.snaps)
-        # another rod, or a whole budget, may get farther
-        progressed |= rod is not start or self._budget < self._full_budget
-        if not progressed and result.end is End.UNFINISHED and LEAST_SHARE * longest < result.step < first:
-            progressed, self._share = True, result.step / longest
-        if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
-            rod.refactor(result.q, result.F)
-            if self._remembers and not any(snap.jumped for snap in result.snaps):
-                self._add_motion(before, False, partial(self._free_twist, kinematics, index))
-            if result.end is End.ARRIVED:
-                return self._finish(
-                    Status.CONVERGED, Status.CONVERGED.sentence, result.iterations, poses, begin
-                )
-            # refine the mesh on a long path, too
-            there_poses = kinematics.poses(reached)[index]
-            self._finish(Status.UNFINISHED, "", result.iterations, there_poses, begin)
-            self._record = self._record.with_waiting(reached, joints)
-            unfinished = self.failed(
-                Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
-            )
-            return replace(unfinished, iterations=result.iterations)
-        if within and (too_short := self._too_short(there.obstacles, there.re)):
-            return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - begin)
-        if result.end is End.TAUT and not self._passing:
-            self._taut_force = min(self._taut_force, float(np.linalg.norm(self._F)))
-            message = self._taut(rod, path, result.at)
-            return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
-        if self._passing:
-            # nobody asks for this pose any more: continue from here rather than from a cold start
-            self._lose(POSE_LEFT_OUT)
-            seconds = time.perf_counter() - begin
-            return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
-        beyond = result.end is End.BEYOND_REACH
-        why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
-        if self._model == SLIDING and rod.frictional and not beyond:
-            # that friction has no history: where the next pose has an equilibrium with it, it is found
-            self._turned_over += 1
-            if self._turned_over <= PATIENT:
-                return self.failed(Status.NOT_CONVERGED, TURNED_OVER, time.perf_counter() - begin)
-            why += " with all friction that friction_model: sliding asks for"
-        cause = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved again from a cold start"
-        return self._cold(kinematics, joints, poses, begin, self._twist, cause)
-
-
-def _largest_difference(a: np.ndarray, b: np.ndarray) -> float:
-    """Largest difference of two arrays (n,); in Python, which is faster for a few joints."""
-    out = 0.0
-    for x, y in zip(a.tolist(), b.tolist(), strict=True):
-        if abs(x - y) > out:
-            out = abs(x - y)
-    return out

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from cable_ros.branch.approach import FAR, Away
-from cable_ros.branch.cable_tracker import POSE_LEFT_OUT, CableTracker
+from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupled_tangent import Whole
 from cable_ros.branch.crossing_cable import CrossingCable
+from cable_ros.branch.followed_equilibrium import POSE_LEFT_OUT
 from cable_ros.branch.landing import with_tip
 from cable_ros.branch.loose_ends import ALONG, LooseEnd, loose_ends
 from cable_ros.branch.loose_piece import LoosePiece

@@ -9,11 +9,12 @@ from functools import partial
 
 import numpy as np
 
-from cable_ros.branch.cable_tracker import MOST_WAITING, POSE_LEFT_OUT, POSES_CUT, CableTracker
+from cable_ros.branch.cable_tracker import MOST_WAITING, POSES_CUT, CableTracker
 from cable_ros.branch.coulomb_contact import SLIPS, key
 from cable_ros.branch.crossed_cables import MOST_ITERATIONS, SHORTEST, CrossedCables
 from cable_ros.branch.crossing_cable import CrossingCable
 from cable_ros.branch.crossing_newton import Pair
+from cable_ros.branch.followed_equilibrium import POSE_LEFT_OUT
 from cable_ros.branch.rubbing_cable import RubbingCable
 from cable_ros.branch.rubbing_newton import RubbingNewton
 from cable_ros.contact.crossing import Spacer

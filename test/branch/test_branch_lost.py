@@ -17,7 +17,7 @@ from zoo_make import ARM
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case
-from cable_ros.branch import cable_tracker, handover
+from cable_ros.branch import cable_tracker, followed_equilibrium, handover
 from cable_ros.branch.branch_record import BranchRecord, Loss
 from cable_ros.branch.continuation import Continuation, End
 from cable_ros.branch.snap_through import FOLD, SMALL, SnapThrough
@@ -53,7 +53,7 @@ def test_what_was_lost_is_told_and_not_trusted(monkeypatch: pytest.MonkeyPatch) 
     scene, home = past_a_ball(0.1)
     tracker = Tracker(scene)
     tracker.solve(home)
-    monkeypatch.setattr(cable_tracker, "WORK", 0)
+    monkeypatch.setattr(followed_equilibrium, "WORK", 0)
     away = {**home, "z": 0.3, "x": -0.4, "pitch": 1.0}
     lost = tracker.arrive(away)["cable"]
     assert lost.status is Status.BRANCH_LOST
@@ -157,7 +157,7 @@ def test_beside_its_mirror_image_a_cable_is_not_known_again_because_it_slips(
     def stuck(rod, q, F, *args, **options):  # type: ignore[no-untyped-def]
         return Continuation(End.STUCK, 0.0, q, F, 0, (), rod, 0.1)
 
-    monkeypatch.setattr(cable_tracker, "continue_branch", stuck)
+    monkeypatch.setattr(followed_equilibrium, "continue_branch", stuck)
     found = [tracker.arrive(case.path[28])["cable"]]
     monkeypatch.undo()
     found += [tracker.arrive(joints)["cable"] for joints in case.path[29:]]
@@ -190,7 +190,7 @@ def asked(
     tracker = on_drum(draped(0.0)[1], MU)
     drawn(tracker, np.array([0.0, 0.02]))
     with monkeypatch.context() as patch:
-        patch.setattr(cable_tracker, "WORK", budget)
+        patch.setattr(followed_equilibrium, "WORK", budget)
         patch.setattr(handover, "WORK", 0.5 * budget)
         return tracker, [tracker.solve({"turn": turn})["cable"].status for turn in turns]
 

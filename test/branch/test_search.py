@@ -8,7 +8,7 @@ import pytest
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
-from cable_ros.branch import cable_tracker, searched_equilibrium
+from cable_ros.branch import followed_equilibrium, searched_equilibrium
 from cable_ros.scene import Scene
 
 FLAT = [0.0, 0.70710678118654752, 0.0, 0.70710678118654752]
@@ -48,7 +48,7 @@ def test_pieces_end_in_the_same_bits(friction: float, monkeypatch: pytest.Monkey
     scene, home = sagging(friction)
     whole = Tracker(scene).arrive(home)["cable"]
     assert whole.status is Status.CONVERGED
-    monkeypatch.setattr(cable_tracker, "WORK", 1)
+    monkeypatch.setattr(followed_equilibrium, "WORK", 1)
     found = called(Tracker(scene), home)
     assert len(found) > 3
     assert all(np.isnan(one.end_wrench).all() for one in found[:-1])
@@ -76,7 +76,7 @@ def test_poses_asked_for_meanwhile_are_gone_through(monkeypatch: pytest.MonkeyPa
     *_, led = [tracker.arrive(pose)["cable"] for pose in (home, aside, there)]
     straight = Tracker(scene)
     short = [straight.arrive(pose)["cable"] for pose in (home, there)][-1]
-    monkeypatch.setattr(cable_tracker, "WORK", 1)
+    monkeypatch.setattr(followed_equilibrium, "WORK", 1)
     tracker = Tracker(scene)
     assert [one.status for one in called(tracker, home, aside, there)[:3]] == [Status.UNFINISHED] * 3
     monkeypatch.undo()
@@ -94,7 +94,7 @@ def test_poses_asked_for_meanwhile_are_gone_through(monkeypatch: pytest.MonkeyPa
 def test_a_snapshot_keeps_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, home = sagging(0.0)
     whole = Tracker(scene).arrive(home)["cable"]
-    monkeypatch.setattr(cable_tracker, "WORK", 1)
+    monkeypatch.setattr(followed_equilibrium, "WORK", 1)
     tracker, other = Tracker(scene), Tracker(scene)
     for _ in range(3):
         assert tracker.solve(home)["cable"].status is Status.UNFINISHED
@@ -109,7 +109,7 @@ def test_a_snapshot_keeps_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_another_tolerance_begins_again(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, home = sagging(0.0)
-    monkeypatch.setattr(cable_tracker, "WORK", 1)
+    monkeypatch.setattr(followed_equilibrium, "WORK", 1)
     tracker = Tracker(scene)
     tracker.solve(home)
     tracker.tolerance = 1e-6
