@@ -103,7 +103,7 @@ def _spread(rod: TouchingRod, forces: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """Arc lengths (c,), forces (c, 3) and obstacles (c,) of the rod's contacts, those of samples spread over
     the length that each stands for.
 
-    Else a cell between two samples bears its share of the pressure and little of their friction, and the cells
+    Else a cell between two samples bears its share of the pressure and little of their friction, and those
     beside it more than they can hold: 5 % of the end force were lost so, and more on finer grids.
 
     `forces` (k, 3): on the rod's contact points.

@@ -16,6 +16,10 @@ from cable_ros.solve.trust_region import Options
 
 SOFT = 1e-5
 """Compliance of stick, L^3 / EI, at which a solve that failed is tried again first."""
+RIGID = 1e-8
+"""The same where a cable comes down fast, in the first trial. As its end is laid flat, the last 2 % of its
+height move it by 1e-5 L along itself: with COMPLIANCE that hardly mobilises friction, and the end force is
+5 % too small."""
 KEPT = 1e-3
 """Scale of the projections in the first iteration, EI / L^3: so small that what touched still does, however
 far an obstacle goes in a step."""
@@ -45,9 +49,12 @@ class NodalSolver(NodalContacts):
 
     def _solve(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, drag: float,
-        give: np.ndarray | None = None,
+        give: np.ndarray | None = None, rigid: bool = False,
     ) -> tuple[int, int]:  # fmt: skip
-        """Newton's method from the last equilibrium; on failure the state is what it was."""
+        """Newton's method from the last equilibrium; on failure the state is what it was.
+
+        `rigid`: whether it is tried first with what sticks rigid.
+        """
         state, kept = self.state, self.state.copy()
         if not self.coulomb:
             obstacles = obstacles.copy()
@@ -59,13 +66,15 @@ class NodalSolver(NodalContacts):
         alike = np.full(state.lam.shape, COMPLIANCE)
         stiff = NORMAL, TANGENTIAL, alike if give is None else give
         soft = NORMAL, 1.0 / SOFT, np.full(state.lam.shape, SOFT)
+        hard = NORMAL, TANGENTIAL, np.full(state.lam.shape, RIGID)
         # whether it is extrapolated, whether only what touched touches at first, and the scales in turn
         trials = (
-            (True, True, (stiff,)), (False, True, (stiff,)),
+            (True, True, (hard if rigid else stiff,)), (False, True, (stiff,)),
             (False, False, (stiff,)), (False, False, (soft, stiff)),
         )  # fmt: skip
         for predict, keep, stages in trials if drag == 0.0 else trials[2:3]:
-            if predict and not (self._moved and extrapolate(state, self.before, re, drag)):
+            goes_on = predict and self._moved and extrapolate(state, self.before, re, drag)
+            if predict and not (goes_on or rigid):
                 continue
             code = CONVERGED
             for scales in stages:
@@ -73,7 +82,7 @@ class NodalSolver(NodalContacts):
                 first = step._replace(normal=KEPT, tangential=KEPT) if keep else step
                 code, count = newton(
                     state, self._model, first, step, self._work, self._tangents, self._rows, self._band,
-                    self._trial, TOLERANCE if scales is stiff else ROUGH,
+                    self._trial, ROUGH if scales is soft else TOLERANCE,
                 )  # fmt: skip
                 spent += count
                 self.work -= count * self.iteration_work
@@ -144,7 +153,7 @@ class NodalSolver(NodalContacts):
         equilibrium, and is made again shorter.
         """
         known, energy = self._known(), np.inf
-        drag, slow, spent = DRAG, DRAG, 0
+        drag, slow, failed, spent = DRAG, DRAG, 0.0, 0
         springs = COMPLIANCE if give is None else give[:, :, None]  # of what sticks
         self._moved = False
         for _ in range(DRAGS):
@@ -163,11 +172,14 @@ class NodalSolver(NodalContacts):
             elif code == CONVERGED:
                 energy, slow = stored, drag
                 gone = float(np.abs(self.state.r - here.state.r).max())
-                drag *= 0.1 if gone < CALM else 0.5 if gone < 10.0 * CALM else 1.0
+                failed = failed if drag > failed else 0.0
+                fast = gone < CALM and 0.1 * drag > failed
+                drag *= 0.1 if fast else 0.5 if gone < 10.0 * CALM else 1.0
                 drag = 0.0 if drag < FREE and gone < CALM else drag
             elif drag == 0.0:
                 drag = 10.0 * FREE
             elif drag < STIFFEST:
+                failed = drag
                 drag *= 5.0
             else:
                 break
