@@ -10,6 +10,8 @@ import numpy as np
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.snap_through import SnapThrough
 from cable_ros.contact.distance import POSE
+from cable_ros.contact.nodal_rod import FADING
+from cable_ros.contact.nodal_rod import STEP as LONGEST_STEP
 from cable_ros.equilibrium import Status
 from cable_ros.rod.ends import Ends
 
@@ -95,9 +97,14 @@ class GridHistory:
     """The motion since, counted as after a loss."""
 
     def after_motion(self, motion: float, touches: bool, slips: bool, step: bool) -> GridHistory | None:
-        """As `Loss.after_motion`; None once friction no longer depends on that history."""
+        """As `Loss.after_motion`; None once friction no longer depends on that history.
+
+        The error fades as on a grid whose steps are as long as they may be.
+        """
         since = self.since.after_motion(motion, slips, step)
-        return None if since.resolved or not touches else GridHistory(self.error, since)
+        if since.resolved or not touches:
+            return None
+        return GridHistory(self.error * FADING ** (motion / LONGEST_STEP), since)
 
 
 @dataclass(frozen=True)

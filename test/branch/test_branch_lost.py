@@ -18,7 +18,7 @@ from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case
 from cable_ros.branch import cable_tracker, followed_equilibrium, handover
-from cable_ros.branch.branch_record import BranchRecord, Loss
+from cable_ros.branch.branch_record import BranchRecord, GridHistory, Loss
 from cable_ros.branch.continuation import Continuation, End
 from cable_ros.branch.snap_through import FOLD, SMALL, SnapThrough
 from cable_ros.joint import joint_load, joint_stiffness, joint_torque
@@ -263,3 +263,16 @@ def test_a_log_carries_what_was_lost() -> None:
     start = Event(0, events.START, {"fresh": False, "lost": {name: TOLD}})
     ((_, found),) = resolve([start, Solve(0, 0, {"orientation": 0.0})], tracker, Outcome())
     assert found[name].status is Status.BRANCH_LOST
+
+
+def test_the_error_of_frictions_history_fades_as_on_a_grid() -> None:
+    """By a twentieth in a longest step of a grid, however the way is told; it goes as the cable lifts."""
+    history = GridHistory(0.05)
+    for parts in (1, 10):
+        led = history
+        for _ in range(parts):
+            after = led.after_motion(0.04 / parts, True, False, True)
+            assert after is not None
+            led = after
+        assert led.error == pytest.approx(0.05 * 0.95**4, rel=1e-12)
+    assert history.after_motion(0.04, False, False, True) is None
