@@ -235,6 +235,8 @@ FOUND = {
     (122, 2): "a lift that lies up to its clamp, which leaves the ground: all at once, so does the cable",
     (122, 23): "a buckled cable that is free to turn is led aside: the path leaves it one place",
     (126, 9): "over a smooth beam: a patch comes to an edge, over which the cable bends, and comes back",
+    (124, 7): "a rough lift laid flat again: its end lands ever faster",
+    (130, 102): "a rough lift led aside: friction along it goes onto a grid",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (
