@@ -193,15 +193,19 @@ class NodalRod(NodalAdoption):
         self._compare(twin)
         return iterations
 
+    def _difference(self, twin: NodalRod) -> tuple[np.ndarray, np.ndarray]:
+        """(6,), (6,): this rod's end wrench, and by how much it is more than the twin's."""
+        mine, other = (np.concatenate((one.state.F[-1], one.g[-1])) for one in (self, twin))
+        return mine, mine - other
+
     def _compare(self, twin: NodalRod) -> None:
         """Estimate the error of the end wrench from the difference to the twin's.
 
         It is taken to be of order 1.5: the rod and the pressure are of the second, but patches begin and end
         between points. An obstacle that presses at a single point can be off by half a cell on both grids.
         """
-        mine = np.concatenate((self.state.F[-1], self.g[-1]))
-        other = np.concatenate((twin.state.F[-1], twin.g[-1]))
-        change = (mine - other) / (TWIN**-1.5 - 1.0)
+        mine, change = self._difference(twin)
+        change /= TWIN**-1.5 - 1.0
         alone = (self.state.lam > 0.0).sum(axis=0) <= 2
         lone = float(self.state.lam[:, alone].max(initial=0.0))
         away = 0.25 * lone / self.cells if self.offset is None else self.offset * lone
@@ -253,8 +257,8 @@ class NodalRod(NodalAdoption):
         twin.follows, twin.work = True, 0.0
         found = twin.adopt(self, self.state.q, self.state.F[-1], *self._spread(), False)
         self.work += twin.work
-        mine, other = (np.concatenate((one.state.F[-1], one.g[-1])) for one in (self, twin))
-        found = found and bool(relative_change(mine - other, mine, self.least) < FALLEN)
+        mine, change = self._difference(twin)
+        found = found and bool(relative_change(change, mine, self.least) < FALLEN)
         self.twin, self.unpaired = twin if found else None, not found
         if found:
             self._compare(twin)

@@ -66,10 +66,10 @@ class NodalSolver(NodalContacts):
         alike = np.full(state.lam.shape, COMPLIANCE)
         stiff = NORMAL, TANGENTIAL, alike if give is None else give
         soft = NORMAL, 1.0 / SOFT, np.full(state.lam.shape, SOFT)
-        hard = NORMAL, TANGENTIAL, np.full(state.lam.shape, RIGID)
+        hard = (NORMAL, TANGENTIAL, np.full(state.lam.shape, RIGID)) if rigid else stiff
         # whether it is extrapolated, whether only what touched touches at first, and the scales in turn
         trials = (
-            (True, True, (hard if rigid else stiff,)), (False, True, (stiff,)),
+            (True, True, (hard,)), (False, True, (stiff,)),
             (False, False, (stiff,)), (False, False, (soft, stiff)),
         )  # fmt: skip
         for predict, keep, stages in trials if drag == 0.0 else trials[2:3]:
