@@ -148,7 +148,7 @@ class TouchingRod(ActiveSetRod):
         assert self.obstacles is not None
         if self.bare:
             before = self.qe, self.re, self.f
-            self.ready = False
+            self.ready, self.stride = False, 2.0  # that of a step in contact was another's
             code, iterations, q_new, F_new = super().advance(q, F, qe, re, f, tolerance, limit)
             if code != warm_step.ADVANCED:
                 return code, iterations, q_new, F_new
