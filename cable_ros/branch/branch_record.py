@@ -10,8 +10,7 @@ import numpy as np
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.snap_through import SnapThrough
 from cable_ros.contact.distance import POSE
-from cable_ros.contact.nodal_rod import FADING
-from cable_ros.contact.nodal_rod import STEP as LONGEST_STEP
+from cable_ros.contact.nodal_twin import FADING, STEP
 from cable_ros.equilibrium import Status
 from cable_ros.rod.ends import Ends
 
@@ -104,7 +103,7 @@ class GridHistory:
         since = self.since.after_motion(motion, slips, step)
         if since.resolved or not touches:
             return None
-        return GridHistory(self.error * FADING ** (motion / LONGEST_STEP), since)
+        return GridHistory(self.error * FADING ** (motion / STEP), since)
 
 
 @dataclass(frozen=True)

@@ -189,7 +189,8 @@ def continue_branch(
         if free and spent > most and rod.patience > 0:
             # descents that lead away from the branch: short steps without them show whether it folds
             rod.patience, last, spent = 0, rod.work, 0.0
-        hard = step * 0.5 < smallest * longest or spent > most
+        tiny = step * 0.5 < smallest * longest
+        hard = tiny or spent > most
         stable = (free or fallback is None or not hard) and rod.refactor(q, F)
         lets_go = free and stable and rod.short and rod.lets_go(q, F, EDGE * far)
         margin = rod._softest() if free and stable and fallback is not None else None
@@ -198,7 +199,7 @@ def continue_branch(
             rod.patience = 0
         if fallback is not None and not folding and (hard or not stable):
             fallen = None
-            if falls < FALLS and (far < FALL or not (stable or rod.lies)):
+            if falls < FALLS and ((far < FALL and (tiny or not soft)) or not (stable or rod.lies)):
                 falls += 1
                 first = step if stable else SHORTEST * longest  # it has already passed the branch's end
                 fallen = fall_with_friction(rod, q, F, path, at, first, partial(_travel, rod))
@@ -215,6 +216,16 @@ def continue_branch(
                 step = longest
                 continue
             stable = stable or rod.refactor(q, F)
+        if rod.on_grid and rod.remembers and falls < FALLS and far < FALL and code != warm_step.TOO_FAR:
+            falls += 1
+            fallen = fall_with_friction(rod, q, F, path, at, step, partial(_travel, rod))
+            if fallen is not None:
+                found, snap, at = fallen
+                snaps.append(snap)
+                iterations += found.iterations
+                q, F, last = found.q, found.F, rod.work
+                forces = [(at, _norm(F))]
+                continue
         if not (stable or folding):
             return ended(End.STUCK)
         if stable and (not margins or margins[-1][0] < at):

@@ -49,8 +49,9 @@ PROGRESS = 0.01
 """Minimum progress of one solve, as a fraction of the longest step; with less it is stuck."""
 PROGRESS_ON_GRID = 1e-3
 """The same on a grid of contacts, where a budget is ten steps: after a hard place they grow again."""
-LEAST_SHARE = 0.01
-"""Unless its steps, halved again and again, were still longer than this when the budget was used up."""
+LEAST_SHARE, LEAST_SHARE_ON_GRID = 0.01, 1e-3
+"""Unless its steps, halved again and again, were still longer than this when the budget was used up. On a
+grid a step that fails may cost all of it, and where the cable falls several do."""
 SAME_TWIST = 1e-2
 """Maximum difference of total twist, rad, of one equilibrium on two meshes."""
 FAR = 1.0
@@ -253,7 +254,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
         progressed = result.at >= least * longest or any(snap.folded for snap in result.snaps)
         # another rod, or a whole budget, may get farther
         progressed |= rod is not start or self._budget < self._full_budget
-        if not progressed and result.end is End.UNFINISHED and LEAST_SHARE * longest < result.step < first:
+        share = longest * (LEAST_SHARE_ON_GRID if rod.on_grid else LEAST_SHARE)
+        if not progressed and result.end is End.UNFINISHED and share < result.step < first:
             progressed, self._share = True, result.step / longest
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
             rod.refactor(result.q, result.F)

@@ -73,6 +73,8 @@ class Known(NamedTuple):
     """The step that led there."""
     under: np.ndarray
     """(o, WIDTH) the obstacles there."""
+    wrench: np.ndarray
+    """(6,) its end force and moment."""
     conditions: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
     """The conditions set: end frame (4,), end position (3,), load (3,) and obstacles (o, WIDTH)."""
 
@@ -107,6 +109,8 @@ class NodalContacts(Rod):
         self.frames[:] = FIRST
         self._slips = np.zeros((elements + 1, count), bool)
         self._step: Step | None = None
+        self.wrench = np.zeros(6)
+        """End force and moment (6,) of the last equilibrium, in units of the cable."""
         self._moved = False  # whether `before` is the equilibrium before the last
         evaluation, tangents, _ = self.saddle
         self._model = Model(
@@ -290,7 +294,7 @@ class NodalContacts(Rod):
     def _known(self) -> Known:
         """A copy of the last equilibrium."""
         return Known(
-            self.state.copy(), self.frames.copy(), self._slips, self._step, self._under,
+            self.state.copy(), self.frames.copy(), self._slips, self._step, self._under, self.wrench,
             (self.qe, self.re, self.f, self.obstacles),
         )  # fmt: skip
 
@@ -299,7 +303,7 @@ class NodalContacts(Rod):
         self.state.take(known.state)
         self.frames, self._slips = known.frames, known.slips
         self._step = None if known.step is None else known.step._replace(turned=known.frames)
-        self._under, self._moved = known.under, False
+        self._under, self.wrench, self._moved = known.under, known.wrench, False
         self.set_conditions(*known.conditions)
 
     # what an equilibrium says

@@ -99,6 +99,7 @@ class NodalSolver(NodalContacts):
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, turned: np.ndarray
     ) -> None:
         self.set_conditions(qe, re, f)
+        self.wrench = np.concatenate((self.state.F[-1], self.g[-1]))
         self.obstacles = self._under = obstacles
         self.frames = turned
         kinds, state = self._work.kinds, self.state

@@ -66,10 +66,15 @@ def relative_change(change: np.ndarray, wrench: np.ndarray, least: float) -> flo
     Where one of them passes through zero, the size that the other implies takes over: a force F bends over
     the length (EI / F)^1/2, hence moments of (EI F)^1/2. Nothing counts as less than `least`.
     """
-    force, moment = norm3(wrench[:3]), norm3(wrench[3:])
-    force_scale = max(force, 0.03 * moment**2, least)
-    moment_scale = max(moment, 0.03 * np.sqrt(force), least)
+    force_scale, moment_scale = wrench_scales(wrench, least)
     return max(norm3(change[:3]) / force_scale, norm3(change[3:]) / moment_scale)
+
+
+@njit(**INNER)
+def wrench_scales(wrench: np.ndarray, least: float) -> tuple[float, float]:
+    """The force and the moment that `relative_change` compares with."""
+    force, moment = norm3(wrench[:3]), norm3(wrench[3:])
+    return max(force, 0.03 * moment**2, least), max(moment, 0.03 * np.sqrt(force), least)
 
 
 @njit(**INNER)

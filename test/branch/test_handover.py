@@ -107,7 +107,7 @@ def test_a_finer_grid_keeps_the_error_of_frictions_history() -> None:
     cable = led(in_slot(), 3)
     grid = handover.nodal(cable.rod, cable._q, cable._F)
     assert isinstance(grid, NodalRod)
-    grid.twin_error = 0.04
+    grid.doubt(0.04)
     fine = grid.finer()
     assert fine is not None
     assert fine.relative_error(fine.shape, fine.end_force) >= 0.04

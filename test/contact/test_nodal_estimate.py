@@ -106,3 +106,14 @@ def test_an_edge_that_cuts_in_beside_the_middle_is_measured() -> None:
     rod._under = box[None]
     deepest = chord * sine * cosine / (sine + cosine)
     assert 0.85 * deepest < rod._cut() < 1.02 * deepest
+
+
+def test_an_error_that_is_known_is_one_of_force_and_moment() -> None:
+    """Kept as a fraction, it was too small once the force fell, and too large after the moment was zero."""
+    rod = adopted(64, 0.5)
+    rod.doubt(0.04)
+    assert estimate(rod) == pytest.approx(0.04)
+    rod.wrench = rod.wrench / 3.0
+    assert estimate(rod) == pytest.approx(0.12)
+    rod.wrench = 6.0 * rod.wrench
+    assert estimate(rod) == pytest.approx(0.02)
