@@ -96,6 +96,8 @@ DRAWN = {
     (130, 114): "a rough tray pushed up: the branch is lost",
     (130, 159): "a weightless round cable that turns freely: to which side it is pushed depends on the steps",
     (130, 178): "an edge pushed up under a rough cable, told in 4 times as many poses: 1.6 %",
+    (131, 38): "across a rough edge: told in 4 times as many poses, 1.1 % away at three poses",
+    (131, 56): "heavy, over two rough beams, cold: no start arrives",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 

@@ -29,6 +29,7 @@ from cable_ros.contact.points import (
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.travel import (
     AXIAL,
+    BEGINNING,
     CONTACT_STEP,
     FRICTION_LEAST,
     FRICTION_STEP,
@@ -277,6 +278,10 @@ class ActiveSetRod(FixedSetRod):
         if code == warm_step.ADVANCED and self.model == COULOMB:
             most = LYING_CHANGE if self.has_patch else POINTS_CHANGE
             self.stride = stride(self._friction_change(q_new, F_new, obstacles, most), most)
+            if self.count > kept[1]:  # what has just come down slips the way that it did in all of the step
+                larger = max(float(np.linalg.norm(F)), float(np.linalg.norm(F_new)), 1e-300)
+                begun = float(np.linalg.norm(F_new - F)) / larger
+                self.stride = min(self.stride, stride(begun, BEGINNING))
             distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
             farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest

@@ -24,7 +24,7 @@ from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import NOTHING, Rod
-from cable_ros.rod.units import norm3, wrench_scales
+from cable_ros.rod.units import wrench_scales
 
 BESIDE = 1e-4
 """Motion by which derivatives of what touches at a point alone are differences, cells and fractions."""
@@ -155,10 +155,14 @@ class NodalRod(NodalTwin):
         possible = float((self.state.lam * self._under[:, FRICTION_COEFFICIENT]).sum())
         if possible == 0.0 or not self.coulomb:
             return 2.0
-        friction_change = self._friction_change(before.state) / max(possible, norm3(self.wrench[:3]))
+        friction_change = self._friction_change(before.state) / max(
+            possible, float(np.linalg.norm(self.wrench[:3]))
+        )
         larger = np.maximum(wrench_scales(self.wrench, self.least), wrench_scales(before.wrench, self.least))
         change = self.wrench - before.wrench
-        wrench_change = max(norm3(change[:3]) / larger[0], norm3(change[3:]) / larger[1])
+        wrench_change = float(
+            max(np.linalg.norm(change[:3]) / larger[0], np.linalg.norm(change[3:]) / larger[1])
+        )
         return min(stride(wrench_change, WRENCH_CHANGE), stride(friction_change, FRICTION_CHANGE))
 
     def _friction_change(self, before: State) -> float:

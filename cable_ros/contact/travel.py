@@ -18,6 +18,8 @@ POINTS_CHANGE, LYING_CHANGE = 0.03, 0.12
 touches at points alone, and where it lies: within a step slip has one direction. With 0.08 and 0.24 wrenches
 differed by 1 to 2 % from those of finer steps, with 0.04 at points one by 1.1 %; where it lies, shorter steps
 fail more often."""
+BEGINNING = 0.3
+"""Maximum relative change of the end force in a step in which contact begins."""
 AXIAL = 0.25
 """Weight of a change along the cable in that of points. Along itself a cable slips as a whole, in one
 direction; but where a point begins to slip, that turns. Where it lies, most of it sticks, and this is 0."""

@@ -70,7 +70,7 @@ def relative_change(change: np.ndarray, wrench: np.ndarray, least: float) -> flo
     return max(norm3(change[:3]) / force_scale, norm3(change[3:]) / moment_scale)
 
 
-@njit(**INNER)
+@njit(**OPTIONS)
 def wrench_scales(wrench: np.ndarray, least: float) -> tuple[float, float]:
     """The force and the moment that `relative_change` compares with."""
     force, moment = norm3(wrench[:3]), norm3(wrench[3:])
