@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT
-from cable_ros.contact.nodal_contacts import FEWEST, Known
+from cable_ros.contact.nodal_contacts import Known
 from cable_ros.contact.nodal_newton import CONVERGED, state_moved
 from cable_ros.contact.nodal_response import obstacle_motions
 from cable_ros.contact.nodal_state import ORDER, State
@@ -23,7 +23,7 @@ from cable_ros.contact.travel import FRICTION_LEAST, SHORTER, stride, travel
 from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
-from cable_ros.rod.kirchhoff import NOTHING, Rod
+from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import wrench_scales
 
 BESIDE = 1e-4
@@ -56,13 +56,7 @@ RARE = 0.2
 class NodalRod(NodalTwin):
     """A rod in units of the cable whose contacts sit at the inner boundaries of its elements.
 
-    Args:
-        stiffness, natural: as in `Rod`.
-        obstacles: (o, WIDTH) that it may touch.
-        points: number of contact points, each in the middle of a cell; see `point_count`.
-        coulomb: whether there is friction.
-        compliance: (3,) 1 / GAx, 1 / GAy, 1 / EA in units of the cable.
-        at: arc lengths, L, at which one of them is, instead of in the middle of its cell.
+    Its arguments are those of `NodalTwin`.
     """
 
     few = 25
@@ -70,14 +64,8 @@ class NodalRod(NodalTwin):
     on_grid = True
     longest_step, first_stride = STEP, 1.0
     twin: NodalRod | None
-
-    def __init__(
-        self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
-        points: int = FEWEST, coulomb: bool = True, compliance: np.ndarray = NOTHING,
-        at: Sequence[float] = (),
-    ) -> None:  # fmt: skip
-        super().__init__(stiffness, natural, obstacles, points, coulomb, compliance, at)
-        self.tried = 0  # trials that found no exact equilibrium beside it, see `handover.exact`
+    tried = 0
+    """Number of trials that found no exact equilibrium beside it, see `handover.exact`."""
 
     def advance(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
