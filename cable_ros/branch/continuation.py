@@ -197,12 +197,17 @@ def continue_branch(
         folding = free and (not stable or lets_go or (margin is not None and margin < SMALL))
         if folding:
             rod.patience = 0
-        if fallback is not None and not folding and (hard or not stable):
-            fallen = None
-            if falls < FALLS and ((far < FALL and (tiny or not soft)) or not (stable or rod.lies)):
-                falls += 1
-                first = step if stable else SHORTEST * longest  # it has already passed the branch's end
-                fallen = fall_with_friction(rod, q, F, path, at, first, partial(_travel, rod))
+        gives_way = not folding and (hard or not stable)
+        if rod.on_grid:
+            may_fall = far < FALL and code != warm_step.TOO_FAR
+        else:
+            ends = (far < FALL and (tiny or not soft)) or not (stable or rod.lies)
+            may_fall = fallback is not None and gives_way and ends
+        if may_fall and falls < FALLS:
+            falls += 1
+            # points and patches that are not stable have already passed the branch's end
+            first = step if stable or rod.on_grid else SHORTEST * longest
+            fallen = fall_with_friction(rod, q, F, path, at, first, partial(_travel, rod))
             if fallen is not None:
                 found, snap, at = fallen
                 snaps.append(snap)
@@ -210,22 +215,13 @@ def continue_branch(
                 rod, q, F, last = found.rod, found.q, found.F, rod.work
                 forces = [(at, _norm(F))]
                 continue
+        if fallback is not None and gives_way:
             replacement, fallback = fallback(rod, q, F), None
             if replacement is not None:
                 rod, q, F = replacement, replacement.shape, replacement.end_force
                 step = longest
                 continue
             stable = stable or rod.refactor(q, F)
-        if rod.on_grid and rod.remembers and falls < FALLS and far < FALL and code != warm_step.TOO_FAR:
-            falls += 1
-            fallen = fall_with_friction(rod, q, F, path, at, step, partial(_travel, rod))
-            if fallen is not None:
-                found, snap, at = fallen
-                snaps.append(snap)
-                iterations += found.iterations
-                q, F, last = found.q, found.F, rod.work
-                forces = [(at, _norm(F))]
-                continue
         if not (stable or folding):
             return ended(End.STUCK)
         if stable and (not margins or margins[-1][0] < at):

@@ -357,6 +357,5 @@ def _same(rod: NodalRod, found: Found) -> bool:
 
 def apart(rod: NodalRod, other: Rod, F: np.ndarray) -> float:
     """Relative difference of the end wrench from that of another rod, whose end force is F (3,)."""
-    mine = np.concatenate((rod.state.F[-1], rod.g[-1]))
     theirs = np.concatenate((F, other.g[-1]))
-    return float(relative_change(mine - theirs, theirs, rod.least))
+    return float(relative_change(rod.wrench - theirs, theirs, rod.least))

@@ -21,6 +21,7 @@ from cable_ros.contact.report import positions
 from cable_ros.linalg.band_lu import band_factor
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh, reference_element
+from cable_ros.rod.extensible import least_force
 from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.rod_state import ENERGY, Evaluation, Grid, Section, Tangents
@@ -99,6 +100,8 @@ class NodalContacts(Rod):
         self.cells, self.at = points, tuple(at)
         self.compliance = np.ascontiguousarray(compliance, float)
         super().__init__(cells(self.cells, self.at), stiffness, natural)
+        if self.compliance.any():
+            self.least = least_force(self.compliance)
         self.coulomb = coulomb
         elements, count = len(self.h), len(obstacles)
         self.state, self.before = State.zeros(elements, count), State.zeros(elements, count)

@@ -18,7 +18,7 @@ from cable_ros.contact.nodal_contacts import Known
 from cable_ros.contact.nodal_newton import CONVERGED, state_moved
 from cable_ros.contact.nodal_response import obstacle_motions
 from cable_ros.contact.nodal_state import ORDER, State
-from cable_ros.contact.nodal_twin import FALLEN, STEP, NodalTwin
+from cable_ros.contact.nodal_twin import FALLEN, STEP, NodalTwin, sizes
 from cable_ros.contact.travel import FRICTION_LEAST, SHORTER, stride, travel
 from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion, warm_step
@@ -56,14 +56,14 @@ RARE = 0.2
 class NodalRod(NodalTwin):
     """A rod in units of the cable whose contacts sit at the inner boundaries of its elements.
 
-    Its arguments are those of `NodalTwin`.
+    Its arguments are those of `NodalContacts`.
     """
 
     few = 25
     remembers = True
     on_grid = True
     longest_step, first_stride = STEP, 1.0
-    twin: NodalRod | None
+    twin: NodalRod | None = None
     tried = 0
     """Number of trials that found no exact equilibrium beside it, see `handover.exact`."""
 
@@ -143,14 +143,10 @@ class NodalRod(NodalTwin):
         possible = float((self.state.lam * self._under[:, FRICTION_COEFFICIENT]).sum())
         if possible == 0.0 or not self.coulomb:
             return 2.0
-        friction_change = self._friction_change(before.state) / max(
-            possible, float(np.linalg.norm(self.wrench[:3]))
-        )
-        larger = np.maximum(wrench_scales(self.wrench, self.least), wrench_scales(before.wrench, self.least))
-        change = self.wrench - before.wrench
-        wrench_change = float(
-            max(np.linalg.norm(change[:3]) / larger[0], np.linalg.norm(change[3:]) / larger[1])
-        )
+        force = float(np.linalg.norm(self.wrench[:3]))
+        friction_change = self._friction_change(before.state) / max(possible, force)
+        larger = np.maximum(self._scales(), wrench_scales(before.wrench, self.least))
+        wrench_change = float((sizes(self.wrench - before.wrench) / larger).max())
         return min(stride(wrench_change, WRENCH_CHANGE), stride(friction_change, FRICTION_CHANGE))
 
     def _friction_change(self, before: State) -> float:

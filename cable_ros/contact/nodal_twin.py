@@ -3,19 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import deepest
 from cable_ros.contact.nodal_adoption import NodalAdoption
-from cable_ros.contact.nodal_contacts import FEWEST
 from cable_ros.contact.report import positions
 from cable_ros.contact.travel import FRICTION_STEP, travel
 from cable_ros.rod import quaternion, warm_step
-from cable_ros.rod.extensible import least_force
-from cable_ros.rod.kirchhoff import NOTHING, Rod
+from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import relative_change, wrench_scales
 
 STEP = 0.5 * FRICTION_STEP
@@ -37,49 +33,40 @@ PARTS = 5
 """Number of places between two contact points where that is looked for: an edge may be anywhere."""
 
 
+def sizes(wrench: np.ndarray) -> np.ndarray:
+    """(2,) the size of the force and that of the moment of a wrench (6,), or of a change of one."""
+    return np.array([np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])])
+
+
 class NodalTwin(NodalAdoption):
     """A rod that knows the error of its end wrench from a twin, which follows it.
 
-    Args:
-        stiffness, natural: as in `Rod`.
-        obstacles: (o, WIDTH) that it may touch.
-        points: number of contact points, each in the middle of a cell; see `point_count`.
-        coulomb: whether there is friction.
-        compliance: (3,) 1 / GAx, 1 / GAy, 1 / EA in units of the cable.
-        at: arc lengths, L, at which one of them is, instead of in the middle of its cell.
+    Its arguments are those of `NodalContacts`.
     """
 
-    def __init__(
-        self, stiffness: np.ndarray, natural: np.ndarray | None, obstacles: np.ndarray,
-        points: int = FEWEST, coulomb: bool = True, compliance: np.ndarray = NOTHING,
-        at: Sequence[float] = (),
-    ) -> None:  # fmt: skip
-        super().__init__(stiffness, natural, obstacles, points, coulomb, compliance, at)
-        self.offset: float | None = None
-        """Distance, L, of lone contacts from where the cable touches; None: not known."""
-        if self.compliance.any():
-            self.least = least_force(self.compliance)
-        self.twin: NodalTwin | None = None
-        self.follows = False  # whether it is a twin, which takes the other's steps
-        self._unpaired = False  # whether the twin could not stand where this rod does, and is tried again
-        self._pairing = Backoff(LONGEST_ALONE)
-        self._lands = False  # whether it comes down so fast that steps must be shorter
-        # estimated errors of end force and moment, from the twin: all of it, and that of friction's history
-        self._errors, self._history_errors = np.full(2, np.inf), np.zeros(2)
-        self._compared = np.ones(2)  # the force and moment that they were relative to
-        self._place_error = np.inf  # that of the end wrench by where contacts are, relative
+    offset: float | None = None
+    """Distance, L, of lone contacts from where the cable touches; None: not known."""
+    twin: NodalTwin | None = None
+    follows = False
+    """Whether it is a twin, which takes the other's steps."""
+    _lands = False  # whether it comes down so fast that steps must be shorter
+    _pairing: Backoff | None = None  # when a twin that could not stand where this rod does is tried again
+    # estimated errors of end force and moment, from the twin: all of it, and that of friction's history
+    _errors, _history_errors = np.full(2, np.inf), np.zeros(2)
+    _compared = np.ones(2)  # the force and moment that they were relative to
+    _place_error = np.inf  # that of the end wrench by where contacts are, relative
 
     def _advance_twin(self, rigid: bool) -> int:
         """Let the twin follow in one step; if it cannot, it starts again from this rod's equilibrium.
 
         `rigid`: whether what sticks was tried rigid.
         """
-        twin = self.twin
+        twin, pairing = self.twin, self._pairing
         if twin is None:
-            if self._unpaired and self._pairing.waits:
-                self._pairing.skip()
-            elif self._unpaired:
-                self._pairing.tried()
+            if pairing is not None and pairing.waits:
+                pairing.skip()
+            elif pairing is not None:
+                pairing.tried()
                 self.pair()
             return 0
         qe, re, f, obstacles = self.qe, self.re, self.f, self._under
@@ -103,11 +90,13 @@ class NodalTwin(NodalAdoption):
         between points. An obstacle that presses at a single point can be off by half a cell on both grids.
         """
         change = (self.wrench - twin.wrench) / (TWIN**-1.5 - 1.0)
-        new = np.array([np.linalg.norm(change[:3]), np.linalg.norm(change[3:])])
+        new, scales = sizes(change), self._scales()
         known = np.isfinite(self._place_error)
-        self._errors = self._faded(self._errors, new) if known else new
-        self._history_errors = self._faded(self._history_errors, new)
-        self._compared = self._scales()
+        # they shrink as force and moment do, as friction does, and do not grow with them
+        kept = FADING * np.minimum(1.0, scales / self._compared)
+        self._errors = np.maximum(new, kept * self._errors) if known else new
+        self._history_errors = np.maximum(new, kept * self._history_errors)
+        self._compared = scales
         self._place_error = max(self._placed(), FADING * self._place_error if known else 0.0)
 
     def _apart(self, twin: NodalTwin) -> float:
@@ -122,13 +111,6 @@ class NodalTwin(NodalAdoption):
     def _relative(self, errors: np.ndarray) -> float:
         """Errors (2,) of end force and moment, relative to those at present."""
         return float((errors / self._scales()).max())
-
-    def _faded(self, before: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Errors (2,) of end force and moment: the `new` ones, and at least those of the last comparison.
-
-        They shrink as force and moment do, as friction does, and do not grow with them.
-        """
-        return np.maximum(new, FADING * before * np.minimum(1.0, self._scales() / self._compared))
 
     def _scales(self) -> np.ndarray:
         """(2,) the end force and moment that an error is relative to."""
@@ -168,7 +150,7 @@ class NodalTwin(NodalAdoption):
         found = super().adopt(rod, q, F, arc_lengths, forces, obstacles)
         if found and pair:
             self.pair()
-            self._history_errors[:] = 0.0  # its friction is the other rod's, without a step on this grid
+            self._history_errors = np.zeros(2)  # its friction is the other rod's, without a step on this grid
         return found
 
     def doubt(self, error: float) -> None:
@@ -189,9 +171,11 @@ class NodalTwin(NodalAdoption):
         found = twin.adopt(self, self.state.q, self.state.F[-1], *self._spread(), False)
         self.work += twin.work
         found = found and self._apart(twin) < FALLEN
-        self.twin, self._unpaired = twin if found else None, not found
+        self.twin = twin if found else None
         if found:
             self._compare(twin)
+        elif self._pairing is None:
+            self._pairing = Backoff(LONGEST_ALONE)
 
     def relative_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """Relative difference of its end wrench from its twin's, when they last were at one pose."""
