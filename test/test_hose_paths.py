@@ -10,6 +10,7 @@ import pytest
 from references.hose_paths import KINDS, Known, known
 
 from cable_ros import Tracker, load_scene
+from cable_ros.contact.touching_rod import TouchingRod
 
 KNOWN = known()
 FORCE = 0.05
@@ -63,3 +64,17 @@ def test_no_published_force_is_wrong(name: str) -> None:
     off = led.trusted & ~(led.difference <= FORCE + path.error)
     assert not off.any(), f"poses {np.flatnonzero(off).tolist()}: {np.round(led.difference[off], 3).tolist()}"
     assert led.trusted.mean() > 0.9
+
+
+def test_hoses_lie_in_exact_contact() -> None:
+    """With stick that does not yield, or samples that are taken to stick after every change of mesh, Newton's
+    method goes to and fro between stick and slip: 40 % of these poses were had, the others on grids.
+    """
+    exact, poses = 0, 0
+    for name in CHOSEN[:4]:
+        tracker = Tracker(load_scene(KNOWN[name].scene(), urdf=KNOWN[name].urdf()))
+        (cable,) = tracker._tracked_cables
+        for state in KNOWN[name].states():
+            tracker.solve(state)
+            exact, poses = exact + isinstance(cable.rod, TouchingRod), poses + 1
+    assert exact > 0.8 * poses

@@ -64,6 +64,8 @@ TURNED = 0.05
 """What slides may be driven over so much of what the clamps and the obstacle moved: slip turns in a step."""
 SHORT = 0.02
 """Longest step, parts of the length, of which this is asked: in a longer one it may slide there and back."""
+LEVER = 0.3
+"""Motion of the cable beside a clamp that turns by 1 rad, parts of the length."""
 FREE = 1e-3
 """A cable whose stability margin is less is all but free to turn, and rounding takes it to one side."""
 NOTHING = 1e-6
@@ -222,8 +224,7 @@ def friction_fault(
     links = [kinematics.obstacle_poses(joint_values(kinematics, joints)) for _, joints in (before, after)]
     curves = [_curve(found, cable.length) for found, _ in (before, after)]
     largest = max((float(np.linalg.norm(c.friction)) for c in after[0].contacts), default=0.0)
-    clamps = [found.points[[0, -1]] for found, _ in (before, after)]
-    moved = float(np.linalg.norm(clamps[1] - clamps[0], axis=1).max())
+    moved = _clamp_motion(before[0], after[0], cable.length)
     for contact in after[0].contacts:
         if contact.obstacle not in rough or not _known(contact, before[0].contacts, cable.length):
             continue
@@ -247,6 +248,14 @@ def friction_fault(
         if contact.sliding and driven and size > STILL * cable.length + TURNED * (moved + drag):
             return f"{where} slides {size / cable.length:.1e} L the way its friction pushes"
     return None
+
+
+def _clamp_motion(before: Equilibrium, after: Equilibrium, length: float) -> float:
+    """Largest motion of a clamp, m, with that of the cable beside it where the clamp turns."""
+    ends = [0, -1]
+    straight = np.linalg.norm(after.points[ends] - before.points[ends], axis=1)
+    turns = Rotation.from_quat(after.orientations[ends]) * Rotation.from_quat(before.orientations[ends]).inv()
+    return float((straight + LEVER * length * turns.magnitude()).max())
 
 
 def _traced(

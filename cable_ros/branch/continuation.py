@@ -32,10 +32,11 @@ FALLBACK_LYING, FALLBACK_CREEPING, FALLBACK = 0.005, 0.05, 1e-3
 """Minimum step, as a fraction of the longest, before a rod that fails is replaced: one that lies along an
 obstacle with friction, one that stretches there, too, and any other, which mostly arrives in small steps."""
 FALLBACK_POINTS = 1e-6
-"""The same of a rod on contact points whose step is only too large: beside a clamp a point lifts off within a
-very small step."""
-FALLBACK_LYING_WORK = 75_000
-"""Maximum work, iterations times unknowns, before the first kind is replaced: about 150 ms."""
+"""The same of a rod in exact contact whose step is only too large: beside a clamp a point lifts off within a
+very small step, and where it lies friction may turn as fast."""
+FALLBACK_LYING_WORK = 45_000
+"""Maximum work, iterations times unknowns, spent on one step before the first kind is replaced: about
+90 ms."""
 HASTY_WORK = 20_000
 """The same if such a rod was replaced a while ago."""
 FALLBACK_WORK = 0.5
@@ -63,6 +64,8 @@ TAUT = 500.0
 """Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle."""
 VERY_TAUT = 2e4
 """The same of one whose end the extrapolation tells to 1 % of its slack."""
+AS_GOOD_AS_TAUT = 1e6
+"""End force, EI / L^2, at which a cable with friction that gets tauter is not followed any farther."""
 NEARLY = 2.0
 """Such a cable may be taut before the end of the path if that is expected within this many rests of it."""
 
@@ -159,6 +162,9 @@ def continue_branch(
             grows = count <= rod.few or in_a_row >= IN_A_ROW
             step = min(step * min(rod.stride, 2.0 if grows else 1.0), longest)
             in_a_row = 0 if grows else in_a_row
+            if rod.frictional and forces[1][1] > max(forces[0][1], AS_GOOD_AS_TAUT):
+                rod.refactor(q, F)
+                return ended(End.TAUT)
             continue
         in_a_row = 0
         if rod.chord(conditions.qe, conditions.re) >= 1.0 and step < BEYOND * longest:
@@ -179,10 +185,11 @@ def continue_branch(
                 step *= min(rod.stride, 0.5)
                 continue
         soft = rod.lies and force < TAUT  # a grid does not resolve how a taut cable bends
-        spent = (given if soft else last) - rod.work
-        lying = FALLBACK_CREEPING if rod.compliance.any() else FALLBACK_LYING
+        creeps = soft and bool(rod.compliance.any())
+        spent = (given if creeps else last) - rod.work
+        lying = FALLBACK_CREEPING if creeps else FALLBACK_LYING
         smallest, most = (lying, lying_work) if soft else (FALLBACK, FALLBACK_WORK * given)
-        if code == warm_step.TOO_FAR and not soft:
+        if code == warm_step.TOO_FAR and not creeps:
             smallest = FALLBACK_POINTS
         # without friction a cable snaps on this mesh as well as on a grid of contacts
         free = not (rod.remembers or rod.frictional)

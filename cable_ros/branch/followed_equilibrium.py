@@ -47,9 +47,9 @@ WORK = 150_000
 """The same among obstacles, about 300 ms at 2 us; continuations that arrive take a quarter of it."""
 PROGRESS = 0.01
 """Minimum progress of one solve, as a fraction of the longest step; with less it is stuck."""
-PROGRESS_ON_GRID = 1e-3
+PROGRESS_LYING = 1e-3
 """The same on a grid of contacts, where a budget is ten steps: after a hard place they grow again."""
-LEAST_SHARE, LEAST_SHARE_ON_GRID = 0.01, 1e-3
+LEAST_SHARE, LEAST_SHARE_LYING = 0.01, 1e-3
 """Unless its steps, halved again and again, were still longer than this when the budget was used up. On a
 grid a step that fails may cost all of it, and where the cable falls several do."""
 SAME_TWIST = 1e-2
@@ -250,11 +250,12 @@ class FollowedEquilibrium(SearchedEquilibrium):
         reached = joints if result.end is End.ARRIVED else origin + result.at * (joints - origin)
         self._q, self._F, self._joints = result.q, result.F, reached
         self._record_snaps(result.snaps)
-        least = PROGRESS_ON_GRID if rod.on_grid else PROGRESS
+        slow = rod.on_grid or rod.lies
+        least = PROGRESS_LYING if slow else PROGRESS
         progressed = result.at >= least * longest or any(snap.folded for snap in result.snaps)
         # another rod, or a whole budget, may get farther
         progressed |= rod is not start or self._budget < self._full_budget
-        share = longest * (LEAST_SHARE_ON_GRID if rod.on_grid else LEAST_SHARE)
+        share = longest * (LEAST_SHARE_LYING if slow else LEAST_SHARE)
         if not progressed and result.end is End.UNFINISHED and share < result.step < first:
             progressed, self._share = True, result.step / longest
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):

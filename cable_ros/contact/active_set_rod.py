@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.edges import across_edges
 from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, slip_change
@@ -31,11 +32,15 @@ from cable_ros.contact.travel import (
     AXIAL,
     BEGINNING,
     CONTACT_STEP,
+    FORCE_CHANGE,
     FRICTION_LEAST,
     FRICTION_STEP,
     LYING_CHANGE,
+    LYING_STEP,
     POINTS_CHANGE,
     SHORTER,
+    TAUT,
+    TAUT_CHANGE,
     stride,
     travel,
 )
@@ -52,6 +57,8 @@ KEPT = 1e-3
 FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 """Maximum rotation of a section in a step with friction: multiple of that in the tangent step, rad per motion
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
+NEAR_LIMIT = 0.9
+"""Part of the largest friction that what slips may have less on another mesh, whose pressures are others."""
 MANY, PLANAR, OUT = 8, 1e-8, 1e-3
 """Number of iterations in which rounding may lead out of a plane, what a planar shape is out of it by, and
 what shows that it has left it: half the turn of a section, rad."""
@@ -92,7 +99,9 @@ class ActiveSetRod(FixedSetRod):
 
     @property
     def longest_step(self) -> float:  # type: ignore[override]
-        return CONTACT_STEP if self.model == FRICTIONLESS else FRICTION_STEP
+        if self.model == FRICTIONLESS:
+            return CONTACT_STEP
+        return LYING_STEP if self.lies and not self.compliance.any() else FRICTION_STEP
 
     def use_friction(self, model: int) -> None:
         if self.model != model:
@@ -167,7 +176,7 @@ class ActiveSetRod(FixedSetRod):
         fresh[0], fresh[-1] = q[0], q[-1]
         self._allocate(mesh)
         self.points[: self.count, INTERFACE] = -1.0
-        self.count = resample(self.points, self.count, self.h, self.s0)
+        self._resample()
         return fresh
 
     def state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
@@ -238,7 +247,38 @@ class ActiveSetRod(FixedSetRod):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:
         """`step_in_contact` under the conditions that are set, from (q, F) nearby."""
         assert self.obstacles is not None
-        return self.step_in_contact(q, F, self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh)
+        before = self.points[: self.count].copy()
+        found = self.step_in_contact(q, F, self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh)
+        if found[0] == warm_step.ADVANCED:
+            self._slip_on(before)
+        return found
+
+    def _resample(self) -> None:
+        """Give the patches the samples of the present mesh; what slips goes on slipping."""
+        before = self.points[: self.count].copy()
+        self.count = resample(self.points, self.count, self.h, self.s0)
+        self._slip_on(before)
+
+    def _slip_on(self, before: np.ndarray) -> None:
+        """Let slip, for the next step, what slipped `before` (k, COLUMNS) and is still near its limit.
+
+        A solve in which nothing moves takes almost all of it to stick, by rounding. From there the next step
+        does not find back if a patch slips.
+        """
+        points = self.points[: self.count]
+        if self.model != COULOMB or self.compliance.any() or not len(before) or not len(points):
+            return
+        assert self.obstacles is not None
+        away = np.abs(points[:, None, ARC_LENGTH] - before[None, :, ARC_LENGTH])
+        away[points[:, None, OBSTACLE] != before[None, :, OBSTACLE]] = np.inf
+        nearest = away.argmin(axis=1)
+        slipped = (before[nearest, SLIPS] == 1.0) & np.isfinite(away.min(axis=1))
+        friction = np.linalg.norm(points[:, FRICTION:BEFORE], axis=1)
+        cone = self.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT] * points[:, FORCE]
+        begins = slipped & (points[:, SLIPS] == 0.0) & (cone > 0.0) & (friction > NEAR_LIMIT * cone)
+        if begins.any():
+            points[begins, SLIPS] = 1.0
+            self.ready = False  # the factors are those of what sticks
 
     def step_in_contact(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
@@ -263,7 +303,7 @@ class ActiveSetRod(FixedSetRod):
             known = self.ready, self.settled is q
             last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then
             factors = self.A, self.L, self.pivots, Y, S
-            friction = self.model, self.direction, self.presliding
+            friction = self.model, self.direction, self.presliding, self.bedding
             bubbles = end_bubbles(self.mesh.element.order)
             options = *friction, self.samples, self.depth, self.give, self.finest(), bubbles, self.drag
             code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(
@@ -276,17 +316,20 @@ class ActiveSetRod(FixedSetRod):
         self.spend(iterations)
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
-            most = LYING_CHANGE if self.has_patch else POINTS_CHANGE
+            # near taut its force changes in any step; where it stretches, slip creeps
+            slack = float(np.linalg.norm(F_new)) < TAUT and not self.compliance.any()
+            most = (LYING_CHANGE if slack else TAUT_CHANGE) if self.has_patch else POINTS_CHANGE
             self.stride = stride(self._friction_change(q_new, F_new, obstacles, most), most)
-            if self.count > kept[1]:  # what has just come down slips the way that it did in all of the step
+            begins = self.count > kept[1]  # what has come down slips the way that it did in all of the step
+            if begins or (self.has_patch and slack):
                 larger = max(float(np.linalg.norm(F)), float(np.linalg.norm(F_new)), 1e-300)
-                begun = float(np.linalg.norm(F_new - F)) / larger
-                self.stride = min(self.stride, stride(begun, BEGINNING))
+                force_change = float(np.linalg.norm(F_new - F)) / larger
+                self.stride = min(self.stride, stride(force_change, BEGINNING if begins else FORCE_CHANGE))
             distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
             farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
             if not self.trial and (leaps or (self.stride < SHORTER and distance > FRICTION_LEAST)):
-                code = warm_step.TOO_FAR
+                code, self.stride = warm_step.TOO_FAR, max(self.stride, 0.99 * FRICTION_LEAST / distance)
         if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):
             code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]

@@ -220,10 +220,10 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
                 carry(history.obstacles[o], obstacle, np.zeros(3), old)
                 for a in range(3):
                     before[a] -= 0.5 * (s - points[i, WAS]) * (at.t[a] - old[a])
-            stiffness = stick_stiffness(mu * points[i, FORCE], history.presliding)
+            stiffness = stick_stiffness(points[i], mu * points[i, FORCE], history)
             if not held:
-                limit = terms.tangents[i]
-                flips += update_friction(points, i, at, mu, history, before, turned, initial, limit)
+                increment, limit = (before, turned, initial), terms.tangents[i]
+                flips += update_friction(points, i, at, mu, history, stiffness, increment, limit)
             for a in range(3):
                 terms.misfits[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / stiffness
     return flips

@@ -65,7 +65,9 @@ class History(NamedTuple):
     direction: np.ndarray
     """(3,) direction in which the end goes, times the mobilised fraction of the friction; for SLIDING."""
     presliding: float
-    """See `friction_kernels.stick_stiffness`."""
+    """Motion, L, that changes friction by all that is possible; 0: as little as stick allows."""
+    bedding: float
+    """Stiffness of stick per length along a patch, EI / L^4."""
     c: np.ndarray
     """(m, g + 1, 3) the centreline of the last equilibrium."""
     closed: np.ndarray
@@ -111,7 +113,8 @@ class Options(NamedTuple):
     direction: np.ndarray
     """(3,) see `History.direction`."""
     presliding: float
-    """See `friction_kernels.stick_stiffness`."""
+    bedding: float
+    """See `History`; so is presliding."""
     samples: np.ndarray
     """(k,) equally spaced arc lengths at which contact is looked for."""
     depth: float

@@ -27,6 +27,7 @@ from cable_ros.contact.points import (
     FORCE,
     FRICTION,
     KIND,
+    LENGTH,
     OBSTACLE,
     POINT,
     SAMPLE,
@@ -48,8 +49,14 @@ LARGE = {"V": False, "W": False, "responses": False, "Y_slip": False, "complemen
 """Arrays with ROWS rows, by name, and whether they have as many columns."""
 DEEPEST = 1e-5
 """Maximum depth inside an obstacle of an equilibrium, L."""
-FRICTION_SHORTENS = 0.4
+BEDDING = 4e3
+"""Stiffness of stick per length along a patch, EI / L^4, times the tolerance. A cable that resists its clamps
+by less than that is off by less than the tolerance. Where stick is rigid, neighbouring samples share their
+friction in any way, which changes with every one that begins to slip: Newton's method loses its way."""
+FRICTION_SHORTENS = 0.3
 """Length of elements along a patch with friction over that along others."""
+CREEP_SHORTENS = 0.4
+"""The same of a cable that stretches."""
 CHANGED, SHIFTED = 0.1, 1e-3
 """Relative change of friction, and motion of a contact point along the cable, L, after which the error is
 estimated again."""
@@ -96,6 +103,7 @@ class FixedSetRod(Rod):
         self._remeshing = Backoff(LONGEST_STAY)
         self.seen: list[np.ndarray] | None = None  # states that a search with several starts has found
         self.direction, self.presliding = np.zeros(3), 0.0  # see `contact_state.History`
+        self.bedding = BEDDING / tolerance
         self.drag = 0.0  # see `contact_state.Options`
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
@@ -249,7 +257,9 @@ class FixedSetRod(Rod):
 
     def finest(self) -> float:
         """Maximum length, L, of an element along a patch; friction is less smooth than pressure."""
-        return FRICTION_SHORTENS * self.spacing if self.model == COULOMB else self.spacing
+        if self.model != COULOMB:
+            return self.spacing
+        return (CREEP_SHORTENS if self.compliance.any() else FRICTION_SHORTENS) * self.spacing
 
     @property
     def touches(self) -> bool:  # type: ignore[override]
@@ -278,7 +288,8 @@ class FixedSetRod(Rod):
 
     def assemble(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
         """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
-        history = model, self.direction, self.presliding, self.c, self.c, self.h, self.s0, self.obstacles
+        friction = model, self.direction, self.presliding, self.bedding
+        history = *friction, self.c, self.c, self.h, self.s0, self.obstacles
         return int(assemble_kkt(
             self.shape(q), (F, self.f), self.section, self.obstacles, history, self.contacts, self.count,
             self.kkt(self._factors(self.complement)),
@@ -380,7 +391,7 @@ class FixedSetRod(Rod):
             arc_lengths=points[:, ARC_LENGTH].copy(), obstacles=which, pressure=pressure,
             friction=points[:, FRICTION : FRICTION + 3], at_minimum=kind == POINT, lifts_off=kind >= FIRST,
             sticks=rough & (points[:, SLIPS] == 0.0) & (self.model == COULOMB), across=self.model == SLIDING,
-            give=1.0 / STICK, given=np.asarray(points[:, ARM : ARM + 3].any(axis=1)),
+            give=1.0 / self._stick_stiffness(), given=np.asarray(points[:, ARM : ARM + 3].any(axis=1)),
         )  # fmt: skip
         clamps = self.qe, F, F + self.f + self.contact_force(), self.g
         loads = None
@@ -389,6 +400,11 @@ class FixedSetRod(Rod):
         compliance, G = self.strain[:2]
         return wrench_response(self.shape(q), clamps, self.saddle[1], self.obstacles, contacts, moving,
                                compliance, G, loads, self.end_compliance)  # fmt: skip
+
+    def _stick_stiffness(self) -> np.ndarray:
+        """(count,) stiffness of the contact points' stick, EI / L^3; see `stick_stiffness`."""
+        points = self.points[: self.count]
+        return np.where(points[:, KIND] == SAMPLE, np.minimum(self.bedding * points[:, LENGTH], STICK), STICK)
 
     def rough(self) -> np.ndarray:
         """(count,) which contact points press on an obstacle with friction."""

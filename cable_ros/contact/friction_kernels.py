@@ -17,8 +17,10 @@ from cable_ros.contact.points import (
     FORCE,
     FRICTION,
     KIND,
+    LENGTH,
     OBSTACLE,
     POINT,
+    SAMPLE,
     SLIPS,
     STICK_ROW,
     WAS,
@@ -35,22 +37,28 @@ FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
 AT_REST = 1e-6
 """Motion over the obstacle, L, whose direction may be rounding."""
 STICK = 1e8
-"""Stiffness of stick, EI / L^3: what sticks moves by 1e-8 L per unit of force."""
+"""Largest stiffness of stick, EI / L^3: what sticks moves by at least 1e-8 L per unit of force."""
 
 
 @njit(**LEAF)
-def stick_stiffness(cone, presliding):
-    """Stiffness of stick, EI / L^3: STICK at most.
+def stick_stiffness(point, cone, history):
+    """Stiffness of a contact point's stick, EI / L^3: STICK at most, for samples `History.bedding`.
 
     Args:
-        cone: largest possible friction, EI / L^2.
-        presliding: the motion that changes friction by that, L; 0: as little as STICK allows.
+        point: (COLUMNS,) of the contact points.
+        cone: its largest possible friction, EI / L^2.
+        history: `History`.
     """
-    return cone / presliding if 0.0 < cone < presliding * STICK else STICK
+    stiffness = STICK
+    if point[KIND] == SAMPLE:
+        stiffness = min(stiffness, history.bedding * point[LENGTH])
+    if 0.0 < cone < history.presliding * stiffness:
+        stiffness = cone / history.presliding
+    return stiffness
 
 
 @njit(**INNER)
-def update_friction(points, i, at, mu, history, step, turned, initial, limit):
+def update_friction(points, i, at, mu, history, stiffness, increment, limit):
     """Friction on contact point i after an increment over the obstacle, written to `points`.
 
     Args:
@@ -59,15 +67,16 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
         at: `Surface` there.
         mu: coefficient of friction.
         history: `History`.
-        step: (3,) the increment since the last equilibrium, L.
-        turned: (3,) the friction then, turned with the obstacle, EI / L^2.
-        initial: whether to take that friction, sticking or slipping as then.
+        stiffness: of its stick, EI / L^3.
+        increment: (3,) the increment since the last equilibrium, L; (3,) the friction then, turned with the
+            obstacle, EI / L^2; whether to take that friction, sticking or slipping as then.
         limit: (TANGENT,) receives the tangent: direction of the slip force (zero: it sticks), direction
             across it, stiffness across, EI / L^3.
 
     Returns:
         Whether it began to stick or to slip.
     """
+    step, turned, initial = increment
     n, t, direction = at.n, at.t, history.direction
     for a in range(TANGENT):
         limit[a] = 0.0
@@ -95,7 +104,6 @@ def update_friction(points, i, at, mu, history, step, turned, initial, limit):
         new = points[i, KIND] == POINT and points[i, WAS] == 0.0
         points[i, SLIPS] = 0.0 if new and (slid or moved < AT_REST**2) else 1.0
         return False
-    stiffness = stick_stiffness(cone, history.presliding)
     force, trial = np.empty(3), np.empty(3)
     off, normal = 0.0, 0.0
     for a in range(3):

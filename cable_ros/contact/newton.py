@@ -52,7 +52,7 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 SLOW = 0.15
 """Refactor if an iteration leaves more than this fraction of the error."""
-MOST_REVISIONS, MOST_ITERATIONS = 44, 25
+MOST_REVISIONS, MOST_ITERATIONS, MOST_WITH_FRICTION = 44, 25, 40
 """Maximum number of changes of the active set in a solve, and of iterations between two of them."""
 DIRECTED, SWINGS_ON, ROUNDS = 30.0, 0.5, 5
 """Maximum error of a point's friction, over that of the end force; what is left of it after an iteration, as
@@ -121,7 +121,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
     V, lines, totals = rows.V, rows.lines, evaluation.totals
-    model, _, _, samples, depth, give, finest, bubbles, drag = options
+    model, _, _, _, samples, depth, give, finest, bubbles, drag = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
     order = N.shape[1] - 1
@@ -149,8 +149,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     if ratio != 1.0 or shift != 0.0:
         lengthen((old_c, closed, old_h, old_s0), ratio, shift)
     history = History(
-        model, options.direction, options.presliding, old_c, closed, old_h, old_s0, last.obstacles
-    )
+        model, options.direction, options.presliding, options.bedding, old_c, closed, old_h, old_s0,
+        last.obstacles,
+    )  # fmt: skip
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
         for a in range(3):
@@ -173,7 +174,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         if total > MOST_IN_ALL:
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         converged = False
-        for iteration in range(MOST_ITERATIONS):
+        for iteration in range(MOST_WITH_FRICTION if model == COULOMB else MOST_ITERATIONS):
             changes = 0
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
             if not tangent:

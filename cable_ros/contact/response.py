@@ -63,8 +63,8 @@ class Contacts(NamedTuple):
     """(m,) bool: its friction keeps it fixed to the obstacle."""
     across: bool
     """Whether friction is that of (53) of Liu et al. (2018): across the cable, slipping or not."""
-    give: float
-    """Tangential compliance of what sticks."""
+    give: np.ndarray
+    """(m,) tangential compliance of what sticks, L^3 / EI."""
     given: np.ndarray
     """(m,) bool: its friction is a load that stays as it is, see `dead_loads`."""
 
@@ -214,7 +214,7 @@ def wrench_response(
         at = rows.take(len(i))
         V[at] = np.einsum("ia,iaj->ij", basis[:, k], displacement[i])
         c[at] = np.einsum("ia,iak->ik", basis[:, k], relative[i])
-        D[at, at] = contacts.give
+        D[at, at] = contacts.give[i]
         forces[i, :, at] = basis[:, k]
 
     explicit = np.cross(spin, P[:, :, None], axisa=1, axisb=1, axisc=1)  # turned with the obstacle

@@ -41,6 +41,7 @@ class StrainingTouchingRod(TouchingRod, StretchingRod):  # type: ignore[misc]
     ) -> None:  # fmt: skip
         self.pull = np.zeros(3)  # the end force of the last traced shape
         super().__init__(mesh, stiffness, natural, tolerance, density, compliance=compliance)
+        self.bedding = 1e30  # slip creeps along a cable that stretches, over less than stick would yield
 
     def _passage(
         self, q: np.ndarray, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, before: np.ndarray,

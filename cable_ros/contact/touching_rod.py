@@ -16,7 +16,6 @@ from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.gap_search import largest_motion, passage
 from cable_ros.contact.meshing import CLOSEST
 from cable_ros.contact.patch_ends import join
-from cable_ros.contact.patches import resample
 from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead, drops
 from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, INTERFACE, OBSTACLE
 from cable_ros.contact.viscous_flow import flow
@@ -73,7 +72,7 @@ class TouchingRod(ActiveSetRod):
         new.points[:, FORCE : BEFORE + 3] /= scale
         if mesh is not None:
             new.points[:, INTERFACE] = -1.0
-            new.count = resample(new.points, new.count, new.h, new.s0)
+            new._resample()
         return new
 
     def _like(
@@ -253,8 +252,8 @@ class TouchingRod(ActiveSetRod):
         self.points[:], self.normals[:], self.count = other.points, other.normals, other.count
         self.points[:, FORCE : BEFORE + 3] /= scale
         self.points[:, INTERFACE] = -1.0
-        self.count = resample(self.points, self.count, self.h, self.s0)
         self.model, self.direction, self.forgot = other.model, other.direction, other.forgot
+        self._resample()
 
     def snapshot(self) -> Callable[[], Rod]:
         return partial(_restored, self, self.mesh, self.points[: self.count].copy(), self.obstacles)

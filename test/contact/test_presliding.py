@@ -6,21 +6,53 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cable_ros.contact.contact_state import History
 from cable_ros.contact.detection import half_patch
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, WIDTH
-from cable_ros.contact.friction_kernels import STICK, slip_change, stick_stiffness
-from cable_ros.contact.points import BEFORE, COLUMNS, FORCE, FRICTION, OBSTACLE, SLIPS
+from cable_ros.contact.friction_kernels import COULOMB, STICK, slip_change, stick_stiffness
+from cable_ros.contact.points import (
+    BEFORE,
+    COLUMNS,
+    FORCE,
+    FRICTION,
+    KIND,
+    LENGTH,
+    OBSTACLE,
+    POINT,
+    SAMPLE,
+    SLIPS,
+)
 
 
+def history(presliding: float, bedding: float) -> History:
+    curve = np.zeros((1, 1, 3))
+    return History(
+        COULOMB, np.zeros(3), presliding, bedding, curve, curve, np.ones(1), np.zeros(1), np.zeros((0, WIDTH))
+    )
+
+
+def contact(kind: float, length: float = 0.0) -> np.ndarray:
+    out = np.zeros(COLUMNS)
+    out[KIND], out[LENGTH] = kind, length
+    return out
+
+
+@pytest.mark.parametrize("kind", [POINT, SAMPLE])
 @pytest.mark.parametrize("cone", [0.01, 1.0, 300.0])
-def test_presliding_takes_the_whole_cone(cone: float) -> None:
-    assert stick_stiffness(cone, 0.003) * 0.003 == pytest.approx(cone)
+def test_presliding_takes_the_whole_cone(cone: float, kind: float) -> None:
+    assert stick_stiffness(contact(kind, 1.0), cone, history(0.003, 1e9)) * 0.003 == pytest.approx(cone)
 
 
 def test_nothing_is_stiffer_than_stick() -> None:
-    assert stick_stiffness(1.0, 0.0) == STICK
-    assert stick_stiffness(0.0, 0.01) == STICK
-    assert stick_stiffness(1e3, 1e-9) == STICK
+    point = contact(POINT)
+    assert stick_stiffness(point, 1.0, history(0.0, 1e7)) == STICK
+    assert stick_stiffness(point, 0.0, history(0.01, 1e7)) == STICK
+    assert stick_stiffness(point, 1e3, history(1e-9, 1e7)) == STICK
+    assert stick_stiffness(contact(SAMPLE, 0.02), 1.0, history(0.0, 1e13)) == STICK
+
+
+def test_a_sample_is_as_stiff_as_the_length_that_it_stands_for() -> None:
+    assert stick_stiffness(contact(SAMPLE, 0.02), 1.0, history(0.0, 1e7)) == pytest.approx(2e5)
 
 
 def test_change_of_friction_counts_what_slips_and_the_cones_of_all() -> None:
