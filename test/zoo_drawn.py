@@ -237,6 +237,7 @@ FOUND = {
     (126, 9): "over a smooth beam: a patch comes to an edge, over which the cable bends, and comes back",
     (124, 7): "a rough lift laid flat again: its end lands ever faster",
     (130, 102): "a rough lift led aside: friction along it goes onto a grid",
+    (132, 100): "a cable drawn ever tauter over a rough table, and back",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""
 DRAWN: tuple[Case, ...] = (
