@@ -20,7 +20,7 @@ from cable_ros.branch.snap_through import (
     snap_and_record,
 )
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.travel import travel
+from cable_ros.contact.travel import TAUT, travel
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import Rod
 
@@ -60,10 +60,8 @@ FALLS, FALL = 3, 1e-3
 tried whether the cable falls: else a grid takes over."""
 EDGE = 3.0
 """Maximum distance to an edge that a step may cross, in motions of clamps and obstacles."""
-TAUT = 500.0
-"""Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle."""
 VERY_TAUT = 2e4
-"""The same of one whose end the extrapolation tells to 1 % of its slack."""
+"""`TAUT` of a cable whose end the extrapolation tells to 1 % of its slack."""
 AS_GOOD_AS_TAUT = 1e6
 """End force, EI / L^2, at which a cable with friction that gets tauter is not followed any farther."""
 NEARLY = 2.0

@@ -48,7 +48,8 @@ WORK = 150_000
 PROGRESS = 0.01
 """Minimum progress of one solve, as a fraction of the longest step; with less it is stuck."""
 PROGRESS_LYING = 1e-3
-"""The same on a grid of contacts, where a budget is ten steps: after a hard place they grow again."""
+"""The same on a grid, or where it lies on something rough: a budget is ten steps there, and after a hard
+place they grow again."""
 LEAST_SHARE, LEAST_SHARE_LYING = 0.01, 1e-3
 """Unless its steps, halved again and again, were still longer than this when the budget was used up. On a
 grid a step that fails may cost all of it, and where the cable falls several do."""

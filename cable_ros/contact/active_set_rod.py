@@ -58,7 +58,7 @@ FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 """Maximum rotation of a section in a step with friction: multiple of that in the tangent step, rad per motion
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
 NEAR_LIMIT = 0.9
-"""Part of the largest friction that what slips may have less on another mesh, whose pressures are others."""
+"""Least friction, over the largest possible, of what may go on slipping on another mesh: pressures change."""
 MANY, PLANAR, OUT = 8, 1e-8, 1e-3
 """Number of iterations in which rounding may lead out of a plane, what a planar shape is out of it by, and
 what shows that it has left it: half the turn of a section, rad."""
@@ -101,7 +101,7 @@ class ActiveSetRod(FixedSetRod):
     def longest_step(self) -> float:  # type: ignore[override]
         if self.model == FRICTIONLESS:
             return CONTACT_STEP
-        return LYING_STEP if self.lies and not self.compliance.any() else FRICTION_STEP
+        return LYING_STEP if self.lies and not self.creeps else FRICTION_STEP
 
     def use_friction(self, model: int) -> None:
         if self.model != model:
@@ -266,13 +266,13 @@ class ActiveSetRod(FixedSetRod):
         does not find back if a patch slips.
         """
         points = self.points[: self.count]
-        if self.model != COULOMB or self.compliance.any() or not len(before) or not len(points):
+        if self.model != COULOMB or self.creeps or not len(before) or not len(points):
             return
         assert self.obstacles is not None
         away = np.abs(points[:, None, ARC_LENGTH] - before[None, :, ARC_LENGTH])
         away[points[:, None, OBSTACLE] != before[None, :, OBSTACLE]] = np.inf
         nearest = away.argmin(axis=1)
-        slipped = (before[nearest, SLIPS] == 1.0) & np.isfinite(away.min(axis=1))
+        slipped = (before[nearest, SLIPS] == 1.0) & (before[nearest, OBSTACLE] == points[:, OBSTACLE])
         friction = np.linalg.norm(points[:, FRICTION:BEFORE], axis=1)
         cone = self.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT] * points[:, FORCE]
         begins = slipped & (points[:, SLIPS] == 0.0) & (cone > 0.0) & (friction > NEAR_LIMIT * cone)
@@ -316,13 +316,13 @@ class ActiveSetRod(FixedSetRod):
         self.spend(iterations)
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
-            # near taut its force changes in any step; where it stretches, slip creeps
-            slack = float(np.linalg.norm(F_new)) < TAUT and not self.compliance.any()
+            force = float(np.linalg.norm(F_new))
+            slack = force < TAUT and not self.creeps  # near taut its force changes in any step
             most = (LYING_CHANGE if slack else TAUT_CHANGE) if self.has_patch else POINTS_CHANGE
             self.stride = stride(self._friction_change(q_new, F_new, obstacles, most), most)
             begins = self.count > kept[1]  # what has come down slips the way that it did in all of the step
             if begins or (self.has_patch and slack):
-                larger = max(float(np.linalg.norm(F)), float(np.linalg.norm(F_new)), 1e-300)
+                larger = max(float(np.linalg.norm(F)), force, 1e-300)
                 force_change = float(np.linalg.norm(F_new - F)) / larger
                 self.stride = min(self.stride, stride(force_change, BEGINNING if begins else FORCE_CHANGE))
             distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)

@@ -52,7 +52,7 @@ DEEPEST = 1e-5
 BEDDING = 4e3
 """Stiffness of stick per length along a patch, EI / L^4, times the tolerance. A cable that resists its clamps
 by less than that is off by less than the tolerance. Where stick is rigid, neighbouring samples share their
-friction in any way, which changes with every one that begins to slip: Newton's method loses its way."""
+friction in any way, anew with every one that begins to slip: Newton's method loses its way."""
 FRICTION_SHORTENS = 0.3
 """Length of elements along a patch with friction over that along others."""
 CREEP_SHORTENS = 0.4
@@ -255,11 +255,16 @@ class FixedSetRod(Rod):
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
         return bool(dips(self.shape(q), self.samples, obstacles, self.phi, self.depth))
 
+    @property
+    def creeps(self) -> bool:
+        """Whether slip creeps along it: it stretches."""
+        return bool(self.compliance.any())
+
     def finest(self) -> float:
         """Maximum length, L, of an element along a patch; friction is less smooth than pressure."""
         if self.model != COULOMB:
             return self.spacing
-        return (CREEP_SHORTENS if self.compliance.any() else FRICTION_SHORTENS) * self.spacing
+        return (CREEP_SHORTENS if self.creeps else FRICTION_SHORTENS) * self.spacing
 
     @property
     def touches(self) -> bool:  # type: ignore[override]

@@ -21,8 +21,8 @@ BEGINNING, FORCE_CHANGE = 0.3, 0.2
 """Maximum relative change of the end force in a step in which contact begins, and where the cable lies. A
 hose whose end force falls to a third in 0.02 L was 10 % off in one step, and is 3 % off with these limits."""
 TAUT, TAUT_CHANGE = 500.0, 0.12
-"""End force, EI / L^2, from which a cable that lies may be about to be pulled taut, and the limit of the
-change of friction then, instead of both: its force changes without bound in ever shorter steps."""
+"""Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle, and the limit of the
+change of friction where such a cable lies, instead of both: its force changes in ever shorter steps."""
 AXIAL = 0.25
 """Weight of a change along the cable in that of points. Along itself a cable slips as a whole, in one
 direction; but where a point begins to slip, that turns. Where it lies, most of it sticks, and this is 0."""
