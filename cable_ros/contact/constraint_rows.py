@@ -94,7 +94,6 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
     N, primitives = tables.values, tables.primitives
     order = N.shape[1] - 1
     nd = 3 * (order + 1)
-    band = nd - 1
     columns = C.shape[1]
     for a in range(3):
         for j in range(columns):
@@ -103,16 +102,17 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
         owners[a] = count
     total = 3 + count
     same = True
-    D, Y = np.empty((4, nd)), np.empty((4, nd))
-    frame = np.empty((4, nd))
+    D, frame = np.empty((4, nd)), np.empty((4, nd))
     own, turn = np.empty((3, nd)), np.empty((3, nd))
     by_position = np.empty((3, columns))
     mu = 0.0
     Nx, dNx = np.empty(order + 1), np.empty(order + 1)
-    qs, gT, H, P, t = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty(3), np.empty(3)
+    qs, P, t = np.empty(4), np.empty(3), np.empty(3)
     sticking = np.empty((2, 3))
     soft = strain.reach.shape[0] > 0
-    tilt = np.empty((3, nd))
+    # the points of an element share what its shape is at the Gauss points
+    slopes, pulls = np.empty((h.shape[0], N.shape[0], 3, nd)), np.zeros((h.shape[0], N.shape[0], 3))
+    reached = np.zeros(h.shape[0], np.bool_)
     for i in range(count):
         e, x = find_element(points[i, ARC_LENGTH], s0, h)
         first = e * order
@@ -124,27 +124,16 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             P[a] = points[i, FORCE] * normals[i, a]
             if not has_arm(points, i):
                 P[a] += points[i, FRICTION + a]
-        for k in range(N.shape[0]):
-            if x == 0.0:
-                break
-            interpolate_frame(q, first, order, N[k], frame, qs, D)
-            norm = tangent(qs, t)
-            weight = h[e] * weight_up_to(primitives, k, x)
-            if soft:
-                tilt[:] = 0.0
-                tangent_derivative(qs, t, 2.0 * weight / norm, D, tilt, 0, nd)
-                strain_slopes(strain.compliance[2], strain.G[e, k], t, tilt, own)
-            else:
-                tangent_derivative(qs, t, 2.0 * weight / norm, D, own, 0, nd)
-            pull(qs, P, weight, gT, H)
-            for a in range(4):
-                for j in range(nd):
-                    Y[a, j] = H[a, 0] * D[0, j] + H[a, 1] * D[1, j] + H[a, 2] * D[2, j] + H[a, 3] * D[3, j]
-            for j in range(nd):
-                for m in range(j + 1):
-                    geometric[3 * first + j, band + m - j] += (
-                        D[0, j] * Y[0, m] + D[1, j] * Y[1, m] + D[2, j] * Y[2, m] + D[3, j] * Y[3, m]
-                    )
+        if x > 0.0:
+            if not reached[e]:
+                element_slopes(q, frame, e, N, strain, slopes[e])
+                reached[e] = True
+            for k in range(N.shape[0]):
+                weight = h[e] * weight_up_to(primitives, k, x)
+                for a in range(3):
+                    pulls[e, k, a] += weight * P[a]
+                    for j in range(nd):
+                        own[a, j] += weight * slopes[e, k, a, j]
         shape_functions(tables.nodes, x, Nx, dNx)
         interpolate_frame(q, first, order, Nx, frame, qs, D)
         norm = tangent(qs, t)
@@ -220,6 +209,9 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             total += 2
         for b in range(begin, total):
             upto[b], owners[b] = e, i
+    for e in range(h.shape[0]):
+        if reached[e]:
+            stiffen(q, e, N, pulls[e], geometric)
     held = total
     total = hold_rows(shape, points, count, tangents, rows, total, gaps)
     for b in range(3):
@@ -231,6 +223,66 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
     if soft:
         same = not row_reaches(shape, obstacles, contacts, count, terms, rows, total, strain) and same
     return total, same
+
+
+@njit(**INNER)
+def element_slopes(q, frame, e, N, strain, slopes):
+    """Derivatives of the tangents, with axial strain if there is any, at the Gauss points of element e by the
+    rotations of its nodes.
+
+    Args:
+        q: (n, 4) nodal frames.
+        frame: (4, b) derivatives of the element's, see `increments`.
+        e: the element.
+        N: (g, p + 1) shape functions at the Gauss points.
+        strain: `Strain`.
+        slopes: (g, 3, b), overwritten.
+    """
+    order = N.shape[1] - 1
+    nd = frame.shape[1]
+    qs, t, D, tilt = np.empty(4), np.empty(3), np.empty(frame.shape), np.empty((3, nd))
+    slopes[:] = 0.0
+    for k in range(N.shape[0]):
+        interpolate_frame(q, e * order, order, N[k], frame, qs, D)
+        norm = tangent(qs, t)
+        if strain.reach.shape[0] > 0:
+            tilt[:] = 0.0
+            tangent_derivative(qs, t, 2.0 / norm, D, tilt, 0, nd)
+            strain_slopes(strain.compliance[2], strain.G[e, k], t, tilt, slopes[k])
+        else:
+            tangent_derivative(qs, t, 2.0 / norm, D, slopes[k], 0, nd)
+
+
+@njit(**INNER)
+def stiffen(q, e, N, pulls, geometric):
+    """Add to the geometric stiffness what contact forces do as element e turns under them.
+
+    Args:
+        q: (n, 4) nodal frames.
+        e: the element.
+        N: (g, p + 1) shape functions at the Gauss points.
+        pulls: (g, 3) forces there, by the length that is before each contact point, EI / L.
+        geometric: (3n, b) of `Tangents`.
+    """
+    order = N.shape[1] - 1
+    nd = 3 * (order + 1)
+    band = nd - 1
+    frame, D, Y = np.empty((4, nd)), np.empty((4, nd)), np.empty((4, nd))
+    qs, gT, H = np.empty(4), np.empty(4), np.empty((4, 4))
+    first = e * order
+    for j in range(order + 1):
+        increments(q[first + j], 3 * j, frame)
+    for k in range(N.shape[0]):
+        interpolate_frame(q, first, order, N[k], frame, qs, D)
+        pull(qs, pulls[k], 1.0, gT, H)
+        for a in range(4):
+            for j in range(nd):
+                Y[a, j] = H[a, 0] * D[0, j] + H[a, 1] * D[1, j] + H[a, 2] * D[2, j] + H[a, 3] * D[3, j]
+        for j in range(nd):
+            for m in range(j + 1):
+                geometric[3 * first + j, band + m - j] += (
+                    D[0, j] * Y[0, m] + D[1, j] * Y[1, m] + D[2, j] * Y[2, m] + D[3, j] * Y[3, m]
+                )
 
 
 @njit(**INNER)

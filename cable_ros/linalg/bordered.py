@@ -246,13 +246,15 @@ def complement(V, W, count, order, factors):
             X[i, a] = W[a, i]
     banded.solve_all(U, pivots, 3, n - 3, order, X)
     S[:count, :count] = 0.0
-    # a row for a point near the start clamp reads nothing of what comes later
-    for a in range(count):
-        for i in range(3, n - 3):
-            v = V[a, i]
-            if v != 0.0:
+    for i in range(3, n - 3, 3):
+        x0, x1, x2 = X[i], X[i + 1], X[i + 2]
+        for a in range(count):
+            v0, v1, v2 = V[a, i], V[a, i + 1], V[a, i + 2]
+            # a row for a point near the start clamp reads nothing of what comes later
+            if v0 != 0.0 or v1 != 0.0 or v2 != 0.0:
+                out = S[a, :count]
                 for b in range(count):
-                    S[a, b] += v * X[i, b]
+                    out[b] += v0 * x0[b] + v1 * x1[b] + v2 * x2[b]
     for a in range(count):
         for i in range(n):
             Y[a, i] = X[i, a] if 3 <= i < n - 3 else 0.0
