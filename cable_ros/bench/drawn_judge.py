@@ -208,12 +208,15 @@ def friction_fault(
     kinematics: Kinematics,
     before: tuple[Equilibrium, Pose],
     after: tuple[Equilibrium, Pose],
+    turns: bool = False,
 ) -> str | None:
     """Which contact's friction cannot have come of a step from one trusted equilibrium to the next.
 
     The motion of the touching point over its obstacle is that of the centreline's point at its arc length.
     Only contacts that were there before the step are looked at, and only steps no longer than SHORT. A fall
     is no step: what stuck may be torn off.
+
+    `turns`: whether what slides may turn back in the step, as finer steps show.
     """
     if any(found.status is not Status.CONVERGED for found, _ in (before, after)):
         return None
@@ -245,7 +248,7 @@ def friction_fault(
         if not contact.sliding and held and size > allowed:
             return f"{where} is said to stick and moved {size / cable.length:.1e} L"
         driven = float(contact.friction @ slip) > (DRIVEN * force + NOTHING * largest) * size
-        if contact.sliding and driven and size > STILL * cable.length + TURNED * (moved + drag):
+        if contact.sliding and driven and not turns and size > STILL * cable.length + TURNED * (moved + drag):
             return f"{where} slides {size / cable.length:.1e} L the way its friction pushes"
     return None
 
@@ -262,7 +265,10 @@ def _traced(
     poses: Sequence[Judged], finer: Sequence[Equilibrium], path: Sequence[Pose], scene: Scene,
     kinematics: Kinematics,
 ) -> list[Judged]:  # fmt: skip
-    """The poses with what is wrong with friction on the finer path to each of them."""
+    """The poses with what is wrong with friction on the finer path to each of them.
+
+    Where nothing is, what slides in the step there may have turned back in it.
+    """
     parts = (len(finer) - 1) // (len(poses) - 1)
     steps = [
         friction_fault(scene, kinematics, before, after)
@@ -270,9 +276,13 @@ def _traced(
     ]
     out = list(poses)
     for i, pose in enumerate(poses[1:], start=1):
-        faults = [fault for fault in steps[parts * (i - 1) : parts * i] if fault]
+        begin, end = parts * (i - 1), parts * i
+        faults = [fault for fault in steps[begin:end] if fault]
         if faults and pose.inconsistent is None:
             out[i] = replace(pose, inconsistent=f"in a finer path, {faults[0]}")
+        elif pose.inconsistent and not faults and all(one.status.trusted for one in finer[begin : end + 1]):
+            ends = (poses[i - 1].step.equilibrium, path[begin]), (pose.step.equilibrium, path[end])
+            out[i] = replace(pose, inconsistent=friction_fault(scene, kinematics, *ends, turns=True))
     return out
 
 

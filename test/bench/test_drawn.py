@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cable_ros.bench import drawn_judge
 from cable_ros.bench.cases import Case, answered, case_scene
 from cable_ros.bench.drawn import divided, drawn_case, refined
 from cable_ros.bench.drawn_judge import friction_fault, run_drawn
@@ -97,18 +98,37 @@ def test_friction_that_cannot_have_come_of_the_step_is_found() -> None:
     length = scene.cables[0].length
     far = {**before, "across": before["across"] + 0.01 * length}
 
-    def fault(**said: Any) -> str:
+    def fault(turns: bool = False, **said: Any) -> str:
         """Of an answer that is told again after the ground has gone away under it."""
         contacts = tuple(replace(contact, **said) for contact in found.contacts)
         told = replace(found, _touching=lambda: SimpleNamespace(contacts=lambda: contacts))
         assert friction_fault(scene, kinematics, (found, before), (told, before)) is None
-        return friction_fault(scene, kinematics, (found, before), (told, far)) or ""
+        return friction_fault(scene, kinematics, (found, before), (told, far), turns) or ""
 
     assert "said to stick" in fault(sliding=False)
+    assert "said to stick" in fault(turns=True, sliding=False)
     largest = max(contact.normal_force for contact in found.contacts)
     up, ahead = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     assert "the way its friction pushes" in fault(sliding=True, force=largest * (up - 0.1 * ahead))
+    assert fault(turns=True, sliding=True, force=largest * (up - 0.1 * ahead)) == ""
     assert fault(sliding=True, force=largest * (up + 0.1 * ahead)) == ""
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_slip_may_turn_back_within_a_step_that_finer_ones_clear(
+    share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = drawn("table", friction=False)
+    step = max(abs(case.path[1][name] - case.path[0][name]) for name in case.path[0])
+
+    def fault(scene: Any, kinematics: Any, before: Any, after: Any, turns: bool = False) -> str | None:
+        """Found in every step at least `share` as long as the path's."""
+        far = max(abs(after[1][name] - before[1][name]) for name in before[1])
+        return "slides" if far > (share - 0.01) * step and not turns else None
+
+    monkeypatch.setattr(drawn_judge, "friction_fault", fault)
+    found = {pose.inconsistent for pose in run_drawn(case, 2).poses[1:]}
+    assert found == ({None} if share == 1.0 else {"slides"})
 
 
 def test_the_last_bits_and_the_number_of_states_do_not_matter() -> None:
