@@ -207,7 +207,6 @@ FOUND = {
     (110, 7): "a lift without friction forks as it is laid down",
     (110, 28): "a short patch on a rough table, samples of which stick and slip in turn",
     (111, 9): "over thin smooth beams, both edges of each",
-    (111, 51): "a rough lift in four poses",
     (111, 33): "a light cable on a rough table: in short steps it needs no grid",
     (112, 28): "a heavy cable over two smooth beams: it stands off a face beside its edge",
     (112, 51): "a heavy cable over two rough beams: no start arrived",
@@ -237,6 +236,12 @@ FOUND = {
     (126, 9): "over a smooth beam: a patch comes to an edge, over which the cable bends, and comes back",
     (124, 7): "a rough lift laid flat again: its end lands ever faster",
     (130, 102): "a rough lift led aside: friction along it goes onto a grid",
+    (112, 53): "in a rough corner there and back: as in a quarter of the steps",
+    (125, 8): "a rough slot in five poses",
+    (126, 11): "a light cable on a rough tray, led along",
+    (130, 43): "a rough edge, across it on no grid",
+    (132, 63): "a weightless cable in a rough corner that moves away",
+    (134, 0): "a lift off rough ground, in steps of 4e-6 of its length at first",
     (132, 100): "a cable drawn ever tauter over a rough table, and back",
 }
 """By seed and index of `drawn_case`: scenes that runs of benchmarks/drawn.py have found, and that failed."""

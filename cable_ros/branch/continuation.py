@@ -121,7 +121,7 @@ def continue_branch(
         step: the first one, fraction of the path.
         longest: maximum step.
         fallback: makes the replacement from (rod, q, F), or None if that fails.
-        farthest: maximum displacement of clamps and obstacles in one step, L.
+        farthest: maximum displacement of clamps and obstacles in one step, L, beside those of the rod.
         lying_work: maximum work before a rod that lies along an obstacle with friction is replaced.
         taut_force: end force from which the branch is known to be taut, EI / L^2.
         may_turn: whether a cable that is free to turn may turn as the path goes on, not at once.
@@ -143,13 +143,15 @@ def continue_branch(
         target = min(1.0, at + step)
         conditions, left = path(target), rod.work
         far = _travel(rod, conditions)
-        if far > farthest:
-            step = (target - at) * max(0.9 * farthest / far, 0.1)
+        at_once = min(farthest, rod.longest_step, rod.next_step)
+        if far > at_once:
+            step = (target - at) * max(0.9 * at_once / far, 0.1)
             continue
         rod.short = step <= SHORT * longest
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
+        rod.note_step(code, count, far)
         iterations += count
         # a rod in contact counts its work itself
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
@@ -183,7 +185,9 @@ def continue_branch(
                 step *= min(rod.stride, 0.5)
                 continue
         soft = rod.lies and force < TAUT  # a grid does not resolve how a taut cable bends
-        creeps = soft and bool(rod.compliance.any())
+        creeps = soft and rod.creeps
+        if soft and code == warm_step.TOO_FAR:
+            last -= left - rod.work  # it converged: shorter steps will do
         spent = (given if creeps else last) - rod.work
         lying = FALLBACK_CREEPING if creeps else FALLBACK_LYING
         smallest, most = (lying, lying_work) if soft else (FALLBACK, FALLBACK_WORK * given)

@@ -71,7 +71,7 @@ TURNED_OVER = (
     " one on the way to this pose: that friction turns it over. The next pose is followed from there."
 )
 PATIENT = 3
-"""Number of such poses in a row, after which an equilibrium is searched for."""
+"""Maximum number of such poses in a row, and of solves that hardly got on; then an equilibrium is sought."""
 ORIGIN = np.array([0.0] * 6 + [1.0])
 """A start clamp there: x y z, quaternion x y z w."""
 POSE_LEFT_OUT = "a pose asked for before could not be reached, and friction depends on the path"
@@ -102,12 +102,13 @@ class FollowedEquilibrium(SearchedEquilibrium):
         qe, re, f, obstacles, far, room = self._destination(kinematics, joints, poses, rod)
         if room < -CLAMP_DEPTH and (inside := self._clamp_inside(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, inside, time.perf_counter() - begin)
-        if far > rod.longest_step:
+        if far > min(rod.longest_step, rod.next_step):
             return self._continue_to(kinematics, index, joints, poses, begin)
         before = conditions_of(rod) if self._remembers else None
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
         )
+        rod.note_step(code, iterations, far)
         if code == warm_step.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
             if before is not None:
@@ -242,9 +243,9 @@ class FollowedEquilibrium(SearchedEquilibrium):
         first, self._share = longest * min(rod.stride, rod.first_stride, self._share), 1.0
         tolerance = ALGEBRAIC * self.tolerance
         result = continue_branch(
-            rod, self._q, self._F, path, tolerance, first, longest, fallback, rod.longest_step,
-            FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK, self._taut_force,
-            may_turn=self._ends is None,
+            rod, self._q, self._F, path, tolerance, first, longest, fallback,
+            lying_work=FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK,
+            taut_force=self._taut_force, may_turn=self._ends is None,
         )  # fmt: skip
         self._rod = rod = result.rod
         # continue from where it ended, maybe on another rod
@@ -257,7 +258,10 @@ class FollowedEquilibrium(SearchedEquilibrium):
         # another rod, or a whole budget, may get farther
         progressed |= rod is not start or self._budget < self._full_budget
         share = longest * (LEAST_SHARE_LYING if slow else LEAST_SHARE)
-        if not progressed and result.end is End.UNFINISHED and share < result.step < first:
+        # where friction turns over within 1e-5 lengths steps are as short, and grow again behind it
+        self._crawled = self._crawled + 1 if not progressed and result.at > 0.0 else 0
+        crawls = slow and 0 < self._crawled <= PATIENT
+        if not progressed and result.end is End.UNFINISHED and (crawls or share < result.step < first):
             progressed, self._share = True, result.step / longest
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
             rod.refactor(result.q, result.F)

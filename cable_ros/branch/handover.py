@@ -53,8 +53,6 @@ PATCH = 4
 MOVED, MOVED_PATCH = 1e-3, 3e-4
 """Maximum motion along the surface, L, of contact points as friction is handed over to them from the grid: of
 points and short patches, and along longer ones, where it may stick in another place then."""
-FINE = 0.02
-"""Estimated error of a grid that stays while a longer patch sticks."""
 PRESLIDING = 0.003
 """Presliding, L, in solves that start from the grid's friction: more than contacts move between both."""
 SOLVES = 2
@@ -220,15 +218,8 @@ def _lifted(rod: NodalRod, tolerance: float) -> Found | None:
 
 
 def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
-    """As `exact`. What sticks yields a little, so that friction stays that of the grid.
-
-    None where a longer patch sticks on a grid that is fine enough: mostly the next step needs it again.
-    """
+    """As `exact`. What sticks yields a little, so that friction stays that of the grid."""
     assert rod.obstacles is not None
-    short = _longest_patch(rod.lies_on(LEVEL)) <= PATCH
-    sticks = (rod.state.lam > 0.0) & ~rod.sliding()
-    if sticks.any() and not short and rod.relative_error(rod.state.q, rod.end_force) < FINE:
-        return None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
     given = min(rod.work, EXACT_WORK)
@@ -250,6 +241,7 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     found, estimate = refine(Found.at(new, q, F), tolerance)
     if estimate > tolerance or found.rod.forgot or not _same(rod, found) or not _stays(found, tolerance):
         return None
+    short = _longest_patch(rod.lies_on(LEVEL)) <= PATCH
     return found if _displacement(rod, found) < (MOVED if short else MOVED_PATCH) else None
 
 

@@ -30,7 +30,6 @@ from cable_ros.contact.points import (
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.travel import (
     AXIAL,
-    BEGINNING,
     CONTACT_STEP,
     FORCE_CHANGE,
     FRICTION_LEAST,
@@ -41,6 +40,7 @@ from cable_ros.contact.travel import (
     SHORTER,
     TAUT,
     TAUT_CHANGE,
+    TAUT_FORCE_CHANGE,
     stride,
     travel,
 )
@@ -59,12 +59,14 @@ FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
 NEAR_LIMIT = 0.9
 """Least friction, over the largest possible, of what may go on slipping on another mesh: pressures change."""
+SHORT_STEP = 1e-3
+"""Length of a step, L, below which what sticks along a patch is firmer."""
 MANY, PLANAR, OUT = 8, 1e-8, 1e-3
 """Number of iterations in which rounding may lead out of a plane, what a planar shape is out of it by, and
 what shows that it has left it: half the turn of a section, rad."""
 TURN, LEAST_TURN = 0.25, 1 / 128
 """First and least part of mobilised friction that turns back at once."""
-DENSE = 20.0
+DENSE = 45.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
 
@@ -298,6 +300,8 @@ class ActiveSetRod(FixedSetRod):
                 self.restore(kept, mesh)
                 self.direction, self.ready = direction, False
                 return code, spent, q, F
+        distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
+        self._set_bedding(distance)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
             known = self.ready, self.settled is q
@@ -323,9 +327,8 @@ class ActiveSetRod(FixedSetRod):
             begins = self.count > kept[1]  # what has come down slips the way that it did in all of the step
             if begins or (self.has_patch and slack):
                 larger = max(float(np.linalg.norm(F)), force, 1e-300)
-                force_change = float(np.linalg.norm(F_new - F)) / larger
-                self.stride = min(self.stride, stride(force_change, BEGINNING if begins else FORCE_CHANGE))
-            distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
+                change = float(np.linalg.norm(F_new - F)) / larger
+                self.stride = min(self.stride, stride(change, FORCE_CHANGE if slack else TAUT_FORCE_CHANGE))
             farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
             if not self.trial and (leaps or (self.stride < SHORTER and distance > FRICTION_LEAST)):
@@ -372,6 +375,19 @@ class ActiveSetRod(FixedSetRod):
             return code, iterations, q_new, F_new
         self.settled = q_new
         return code, iterations, q_new, F_new
+
+    def _set_bedding(self, distance: float) -> None:
+        """Let what sticks along a patch yield in proportion to a short step, by its length, L.
+
+        A cable that is laid flat moves ever less along itself; where it yielded as much, 5 % of its end force
+        was missing.
+        """
+        if self.model != COULOMB or self.creeps or distance == 0.0:
+            return
+        firmer = max(1.0, SHORT_STEP / distance)
+        bedding = self.softest_bedding * 4.0 ** round(math.log(firmer, 4.0))
+        if bedding != self.bedding:
+            self.bedding, self.ready = bedding, False
 
     def touched(self) -> tuple[np.ndarray, np.ndarray]:
         """Obstacles (k,) of the contact points, and normals (k, 3) there."""

@@ -103,7 +103,7 @@ class FixedSetRod(Rod):
         self._remeshing = Backoff(LONGEST_STAY)
         self.seen: list[np.ndarray] | None = None  # states that a search with several starts has found
         self.direction, self.presliding = np.zeros(3), 0.0  # see `contact_state.History`
-        self.bedding = BEDDING / tolerance
+        self.bedding = self.softest_bedding = BEDDING / tolerance
         self.drag = 0.0  # see `contact_state.Options`
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
@@ -254,11 +254,6 @@ class FixedSetRod(Rod):
 
     def _dips(self, q: np.ndarray, obstacles: np.ndarray) -> bool:
         return bool(dips(self.shape(q), self.samples, obstacles, self.phi, self.depth))
-
-    @property
-    def creeps(self) -> bool:
-        """Whether slip creeps along it: it stretches."""
-        return bool(self.compliance.any())
 
     def finest(self) -> float:
         """Maximum length, L, of an element along a patch; friction is less smooth than pressure."""

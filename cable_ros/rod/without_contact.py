@@ -8,9 +8,14 @@ from collections.abc import Callable
 import numpy as np
 
 from cable_ros.rod.loaded_contacts import LoadedContacts
+from cable_ros.rod.warm_step import ADVANCED
 
 NOTHING = np.zeros(3)
 
+SHORTEST_STEP = 2e-4
+"""Minimum of `WithoutContact.next_step`, L."""
+EASY = 12
+"""Maximum number of iterations of a step, but on a grid, after which a longer one is tried."""
 
 SAME = 1.0, 0.0
 """See `WithoutContact.then`; of a cable that does not slide through what holds its ends."""
@@ -18,6 +23,9 @@ SAME = 1.0, 0.0
 
 class WithoutContact:
     """The part of `Rod` that rods in contact replace, see `contact`."""
+
+    compliance: np.ndarray
+    """(3,) by shear and stretch, L^2 / EI; zeros: it does neither."""
 
     obstacles: np.ndarray | None = None
     """(o, WIDTH) obstacles; None: no contact."""
@@ -61,6 +69,9 @@ class WithoutContact:
     stride = 2.0
     """Length of the next step over that of the last, as friction allows."""
 
+    next_step = np.inf
+    """Maximum motion of clamps and obstacles in the next step, L, as `note_step` found it."""
+
     then = SAME
     """Of the next step: the cable's length at the last equilibrium over that now, and the arc length now, L,
     of what was its start."""
@@ -70,6 +81,26 @@ class WithoutContact:
 
     forgot = False
     """Whether a descent has lost friction's history."""
+
+    @property
+    def creeps(self) -> bool:
+        """Whether slip creeps along it where it lies: it stretches."""
+        return bool(self.compliance.any())
+
+    def note_step(self, code: int, iterations: int, far: float) -> None:
+        """Remember how a step of `far`, L, ended: the next pose need not fail in longer ones again.
+
+        `code` and `iterations` are those that `advance` returned.
+        """
+        growth = 2.0 if iterations <= EASY or self.on_grid else 1.0
+        if not (self.lies or self.on_grid) or self.creeps:
+            self.next_step = np.inf
+        elif code == ADVANCED and self.stride >= 2.0:
+            self.next_step = max(self.next_step, growth * far)
+        elif code == ADVANCED or self.stride < 1.0:
+            self.next_step = max(min(self.stride, growth) * far, SHORTEST_STEP)
+        else:
+            self.next_step = min(self.next_step, max(0.5 * far, SHORTEST_STEP))
 
     def use_friction(self, model: int) -> None:
         """Let contacts obey the friction `model`, see `contact.friction_kernels`."""

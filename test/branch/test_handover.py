@@ -122,7 +122,6 @@ def test_what_lies_takes_its_friction_to_any_grid(cells: int, monkeypatch: pytes
     """The grid's own error is F / 12 m^2 < 0.002. Given to the nearest cells, some had more than they can
     hold: 4.7 % of the end force were lost with 128, 12 % with 204.
     """
-    monkeypatch.setattr(handover, "FINE", 0.0)  # it stays on no grid
     cable = led(LIFT, 2, 1e-4)
     monkeypatch.setattr(handover, "point_count", lambda _: cells)
     grid = handover.nodal(cable.rod, cable._q, cable._F)
@@ -133,12 +132,9 @@ def test_what_lies_takes_its_friction_to_any_grid(cells: int, monkeypatch: pytes
 
 def test_what_lies_takes_its_friction_from_grid_to_grid() -> None:
     """Shared from the cells' middles, 12.5 % of the wrench were lost on the finer grid, 2 % on the twin's."""
-    tracker = Tracker(case_scene(LIFT), tolerance=1e-4)
-    for pose in LIFT.path[:9]:
-        tracker.arrive(pose)
-    (cable,) = tracker._tracked_cables
-    grid = cable.rod
-    assert isinstance(grid, NodalRod)
+    cable = led(LIFT, 2, 1e-4)
+    grid = handover.nodal(cable.rod, cable._q, cable._F)
+    assert grid is not None
     fine = grid.finer()
     assert fine is not None
     assert handover.apart(fine, grid, grid.end_force) < 0.005
