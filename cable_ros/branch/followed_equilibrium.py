@@ -70,6 +70,8 @@ TURNED_OVER = (
     "With all friction that friction_model: sliding asks for, the cable has no equilibrium beside the last"
     " one on the way to this pose: that friction turns it over. The next pose is followed from there."
 )
+TIGHT = 1e3
+"""Minimum end force, EI / L^2, of a cable on a grid that may be taut where it gets no farther."""
 PATIENT = 3
 """Maximum number of such poses in a row, and of solves that hardly got on; then an equilibrium is sought."""
 ORIGIN = np.array([0.0] * 6 + [1.0])
@@ -281,8 +283,12 @@ class FollowedEquilibrium(SearchedEquilibrium):
             return replace(unfinished, iterations=result.iterations)
         if within and (too_short := self._too_short(there.obstacles, there.re)):
             return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - begin)
-        if result.end is End.TAUT and not self._passing:
-            self._taut_force = min(self._taut_force, float(np.linalg.norm(self._F)))
+        force = float(np.linalg.norm(self._F))
+        # a grid bends a taut cable too little to follow it farther, but it keeps the branch for the way back
+        held = rod.on_grid and within and force > TIGHT and self._gets_taut(rod, path, result.at)
+        if (held or result.end is End.TAUT) and not self._passing:
+            if not held:
+                self._taut_force = min(self._taut_force, force)
             message = self._taut(rod, path, result.at)
             return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
         if self._passing:

@@ -39,6 +39,8 @@ CARRIED = 2e-3
 """Maximum motion of clamps and obstacles, L, before such a string is pulled again."""
 MOST_CARRIED = 100
 """Maximum number of such motions that are looked at."""
+ASIDE = 1e-3
+"""Displacement of the string, L, out of the plane of the cable."""
 ROUNDS, SETTLED = 8, 1e-6
 """Maximum number of times that it is pulled at each, and what it becomes shorter, L, in the last one."""
 
@@ -157,6 +159,9 @@ def gets_taut(
     """
     at = np.linspace(0.0, len(shape) - 1.0, PULLED_SEGMENTS + 1)
     r = np.stack([np.interp(at, np.arange(len(shape)), shape[:, a]) for a in range(3)], axis=1)
+    # in a plane of symmetry it may be pulled over a ball's top, off which any string slides
+    normal = np.linalg.svd(r - r.mean(axis=0))[2][2]
+    r += ASIDE * np.sin(np.linspace(0.0, np.pi, len(r)))[:, None] * normal
     steps, enough = max(1, math.ceil(distance / CARRIED)), reach + SLIGHT
     for k in range(1, min(steps, MOST_CARRIED) + 1):
         re, obstacles = there(k / steps)

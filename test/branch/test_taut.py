@@ -11,7 +11,7 @@ from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.cases import case_scene, joint_values
 from cable_ros.bench.drawn import drawn_case
 from cable_ros.branch.continuation import _taut_at
-from cable_ros.contact.distance import AXES, CAPSULE, CENTRE, DIMENSIONS, SHAPE, WIDTH
+from cable_ros.contact.distance import AXES, CAPSULE, CENTRE, DIMENSIONS, SHAPE, SPHERE, WIDTH
 from cable_ros.contact.shortest_path import gets_taut
 from cable_ros.scene.kinematics import Kinematics
 
@@ -127,6 +127,32 @@ def test_a_string_over_a_drum_gets_longer_than_the_cable(up: float) -> None:
 
     assert abs(shortest(taut + up) - LENGTH) > 5e-4
     assert gets_taut(shape, there, 0.02, LENGTH) == (shortest(taut + up) > LENGTH)
+
+
+def test_a_string_over_the_top_of_a_ball_is_not_taut() -> None:
+    """In the plane of symmetry it is longer than the cable, but any string slides off sideways."""
+    taut = float(brentq(lambda up: shortest(up) - LENGTH, 0.0, 0.4))
+    x = np.linspace(0.0, 1.0, 101)
+    shape = np.column_stack([2.0 * SPAN * x, np.zeros(101), 0.48 * np.sin(np.pi * x)])
+    ball = np.zeros(WIDTH)
+    ball[SHAPE], ball[AXES:DIMENSIONS], ball[DIMENSIONS] = SPHERE, np.eye(3).ravel(), RADIUS
+
+    def there(t: float) -> tuple[np.ndarray, np.ndarray]:
+        moved = ball.copy()
+        moved[CENTRE : CENTRE + 3] = SPAN, 0.0, taut + 0.01 - 0.02 * (1.0 - t) - HEIGHT
+        return np.array([2.0 * SPAN, 0.0, 0.0]), moved[None]
+
+    assert not gets_taut(shape, there, 0.02, LENGTH)
+
+
+def test_a_rough_drum_keeps_a_taut_cable_on_a_grid() -> None:
+    """Its grid got no farther at 1e4 EI / L^2, and the branch was lost for 15 of 17 poses."""
+    case = drawn_case(136, 37, 1e-4)
+    tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+    found = [tracker.arrive(pose)["cable"] for pose in case.path]
+    assert {one.status for one in found} <= {Status.CONVERGED, Status.NOT_CONVERGED}
+    assert any("has no bound" in one.message for one in found)
+    assert found[-1].status is Status.CONVERGED
 
 
 def test_the_end_is_extrapolated() -> None:
