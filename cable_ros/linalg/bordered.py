@@ -254,7 +254,7 @@ def complement(V, W, count, order, factors):
             if v0 != 0.0 or v1 != 0.0 or v2 != 0.0:
                 out = S[a, :count]
                 for b in range(count):
-                    out[b] += v0 * x0[b] + v1 * x1[b] + v2 * x2[b]
+                    out[b] = ((out[b] + v0 * x0[b]) + v1 * x1[b]) + v2 * x2[b]
     for a in range(count):
         for i in range(n):
             Y[a, i] = X[i, a] if 3 <= i < n - 3 else 0.0

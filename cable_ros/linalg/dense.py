@@ -117,7 +117,7 @@ def factor(A, swaps):
             v0, v1, v2, v3 = A[i, first], A[i, first + 1], A[i, first + 2], A[i, first + 3]
             row = A[i, last:]
             for j in range(row.shape[0]):
-                row[j] -= v0 * r0[j] + v1 * r1[j] + v2 * r2[j] + v3 * r3[j]
+                row[j] = (((row[j] - v0 * r0[j]) - v1 * r1[j]) - v2 * r2[j]) - v3 * r3[j]
 
 
 @njit(**INNER)
