@@ -75,6 +75,7 @@ DRAWN = {
     (135, 6): "a smooth lift snaps: its answer is the mirror image of a verified one, the judge says 2.6e-3",
     (135, 47): "a hose led about in six poses: its grid's error is too large",
     (136, 24): "a rough ball, told in 4 times as many poses: 1.3 % at a pose",
+    (136, 37): "a rough drum pushed up until the cable is taut: with some last bits a pose is lost",
     (136, 40): "a hose, on a finer path: it slides 3.7e-4 L the way its friction pushes",
     (136, 42): "between rough rollers, told in 4 times as many poses: 1.1 % at a pose",
     (136, 51): "a rough ball pushed up until the cable is taut: eight poses are reported",
