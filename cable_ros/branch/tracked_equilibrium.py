@@ -314,8 +314,8 @@ class TrackedEquilibrium(CableModel):
             apart = handover.apart(rod, found.rod, found.F)
             if apart > self._estimate:
                 return  # its friction is not that of the grid
-            # friction of points that slip follows from the motion; what sticks keeps the grid's error
-            error = max(apart, 0.0 if found.rod.all_slip else rod.twin_error)
+            # friction of points that slip follows from the motion; what sticks keeps the grid's error as well
+            error = apart + (0.0 if found.rod.all_slip else rod.twin_error)
             earlier = 0.0 if self._grid_history is None else self._grid_history.error
             self._grid_history = GridHistory(max(error, earlier))
         self._take(found, self._joints)
