@@ -36,7 +36,7 @@ FALLBACK_POINTS = 1e-6
 very small step, and where it lies friction may turn as fast."""
 FALLBACK_LYING_WORK = 45_000
 """Maximum work, iterations times unknowns, spent on one step before the first kind is replaced: about
-90 ms."""
+60 ms."""
 HASTY_WORK = 20_000
 """The same if such a rod was replaced a while ago."""
 FALLBACK_WORK = 0.5

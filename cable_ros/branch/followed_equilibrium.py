@@ -184,7 +184,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         self._rod = None
         self._lose(f"it could not be brought to the tolerance {tolerance:g}")
 
-    def _taut(self, rod: Rod, path: Callable[[float], Conditions], at: float) -> str:
+    def _taut(self, rod: Rod, at: float, longer: bool) -> str:
         """The sentence on a cable whose end force seems to go to infinity, at a fraction of the way.
 
         It is taut if the string to which it can be pulled gets longer than the cable on the rest of the way.
@@ -196,7 +196,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         contacts = read()
         pressing = contacts.obstacles[np.argmax(np.linalg.norm(contacts.forces, axis=1))]
         told = self.name, self._names[int(pressing)], 100.0 * at
-        if self._gets_taut(rod, path, at):
+        if longer:
             return TAUT.format(*told)
         return RISES.format(*told, float(np.linalg.norm(self._F)) * self._units.force)
 
@@ -283,14 +283,15 @@ class FollowedEquilibrium(SearchedEquilibrium):
             return replace(unfinished, iterations=result.iterations)
         if within and (too_short := self._too_short(there.obstacles, there.re)):
             return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - begin)
-        force = float(np.linalg.norm(self._F))
+        force, taut = float(np.linalg.norm(self._F)), result.end is End.TAUT
         # a grid bends a taut cable too little to follow it farther, but it keeps the branch for the way back
-        held = rod.on_grid and within and force > TIGHT and self._gets_taut(rod, path, result.at)
-        if (held or result.end is End.TAUT) and not self._passing:
-            if not held:
+        if not self._passing and (taut or (rod.on_grid and within and force > TIGHT)):
+            longer = self._gets_taut(rod, path, result.at)
+            if taut:
                 self._taut_force = min(self._taut_force, force)
-            message = self._taut(rod, path, result.at)
-            return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
+            if taut or longer:
+                message = self._taut(rod, result.at, longer)
+                return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
         if self._passing:
             # nobody asks for this pose any more: continue from here rather than from a cold start
             self._lose(POSE_LEFT_OUT)

@@ -32,7 +32,6 @@ from cable_ros.contact.travel import (
     AXIAL,
     CONTACT_STEP,
     FORCE_CHANGE,
-    FRICTION_LEAST,
     FRICTION_STEP,
     LYING_CHANGE,
     LYING_STEP,
@@ -48,7 +47,7 @@ from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
-from cable_ros.rod.without_contact import SAME
+from cable_ros.rod.without_contact import SAME, SHORTEST_STEP
 
 GOES = 1e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
@@ -300,7 +299,8 @@ class ActiveSetRod(FixedSetRod):
                 self.restore(kept, mesh)
                 self.direction, self.ready = direction, False
                 return code, spent, q, F
-        distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles)
+        rubs = self.model == COULOMB
+        distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles) if rubs else 0.0
         self._set_bedding(distance)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
@@ -331,8 +331,8 @@ class ActiveSetRod(FixedSetRod):
                 self.stride = min(self.stride, stride(change, FORCE_CHANGE if slack else TAUT_FORCE_CHANGE))
             farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
-            if not self.trial and (leaps or (self.stride < SHORTER and distance > FRICTION_LEAST)):
-                code, self.stride = warm_step.TOO_FAR, max(self.stride, 0.99 * FRICTION_LEAST / distance)
+            if not self.trial and (leaps or (self.stride < SHORTER and distance > SHORTEST_STEP)):
+                code, self.stride = warm_step.TOO_FAR, max(self.stride, 0.99 * SHORTEST_STEP / distance)
         if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):
             code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
@@ -382,7 +382,7 @@ class ActiveSetRod(FixedSetRod):
         A cable that is laid flat moves ever less along itself; where it yielded as much, 5 % of its end force
         was missing.
         """
-        if self.model != COULOMB or self.creeps or distance == 0.0:
+        if distance == 0.0 or self.creeps:
             return
         firmer = max(1.0, SHORT_STEP / distance)
         bedding = self.softest_bedding * 4.0 ** round(math.log(firmer, 4.0))

@@ -19,12 +19,13 @@ from cable_ros.contact.nodal_newton import CONVERGED, state_moved
 from cable_ros.contact.nodal_response import obstacle_motions
 from cable_ros.contact.nodal_state import ORDER, State
 from cable_ros.contact.nodal_twin import FALLEN, STEP, NodalTwin, sizes
-from cable_ros.contact.travel import FRICTION_LEAST, SHORTER, stride, travel
+from cable_ros.contact.travel import SHORTER, stride, travel
 from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import wrench_scales
+from cable_ros.rod.without_contact import SHORTEST_STEP
 
 BESIDE = 1e-4
 """Motion by which derivatives of what touches at a point alone are differences, cells and fractions."""
@@ -92,7 +93,7 @@ class NodalRod(NodalTwin):
             lands = stride(landed, LANDED)
             self._lands = landed > 0 and (rigid or lands < SHORTER or distance < SHORT)
             self.stride = min(turns, lands)
-            turns_far = turns < SHORTER and distance > FRICTION_LEAST
+            turns_far = turns < SHORTER and distance > SHORTEST_STEP
             if turns_far or (lands < SHORTER and distance > LANDED_AT_ONCE):
                 self._return(known)
                 return warm_step.TOO_FAR, iterations, q, F

@@ -28,8 +28,6 @@ change of friction where such a cable lies, instead of both: its force changes i
 AXIAL = 0.25
 """Weight of a change along the cable in that of points. Along itself a cable slips as a whole, in one
 direction; but where a point begins to slip, that turns. Where it lies, most of it sticks, and this is 0."""
-FRICTION_LEAST = 2e-4
-"""Length of a step, L, that may change it at once, as when everything that sticks begins to slip."""
 SHORTER = 0.8
 """Factor by which a step that must be shorter is made shorter still, so as not to fail twice."""
 

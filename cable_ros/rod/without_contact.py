@@ -13,7 +13,7 @@ from cable_ros.rod.warm_step import ADVANCED
 NOTHING = np.zeros(3)
 
 SHORTEST_STEP = 2e-4
-"""Minimum of `WithoutContact.next_step`, L."""
+"""Length of a step, L, that may change friction at once, as when everything that sticks begins to slip."""
 EASY = 12
 """Maximum number of iterations of a step, but on a grid, after which a longer one is tried."""
 
