@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_ros.branch.held_ends import held_starts, load_moment
+from cable_ros.contact.distance import CENTRE, FRICTION_COEFFICIENT
 from cable_ros.contact.penalty_continuation import descend
 from cable_ros.contact.shortest_path import taut_strings
 from cable_ros.contact.stretching_rod import StretchingTouchingRod
 from cable_ros.contact.touching_rod import TouchingRod
-from cable_ros.rod import quaternion
+from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.ends import Ends
 from cable_ros.rod.extensible import SLACK, StretchingRod
@@ -39,6 +40,9 @@ MOST_ELEMENTS = 2_000
 bound, nor has the mesh that it asks for."""
 SLIVER = 1e-6
 """Length, L, of an element that nothing asks for."""
+GRAIN = 2.0**-32
+"""To this, L, rad or of the weight, conditions are rounded for a search among obstacles: a descent that
+zigzags for fifty iterations makes another equilibrium of a change in the twelfth digit."""
 LIMIT = 1e9
 """Unlimited work: more than any search takes."""
 START_WORK = 60_000.0
@@ -58,6 +62,18 @@ class Conditions:
     """(3,) load per length, EI / L^3."""
     obstacles: np.ndarray | None = None
     """(n, distance.WIDTH); None: no contact."""
+
+    def rounded(self) -> Conditions:
+        """These to about ten digits, on a grid whose points round numbers are not half way between."""
+        weight = max(float(np.linalg.norm(self.f)), 1.0)
+        unit = GRAIN * 2.0 ** np.ceil(np.log2(weight))
+        qe, obstacles = GRAIN * np.round(self.qe / GRAIN), None
+        if self.obstacles is not None:
+            obstacles = self.obstacles.copy()
+            placed = obstacles[:, CENTRE:FRICTION_COEFFICIENT]
+            placed[:] = GRAIN * np.round(placed / GRAIN)
+        re = GRAIN * np.round(self.re / GRAIN)
+        return Conditions(qe / np.linalg.norm(qe), re, unit * np.round(self.f / unit), obstacles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +160,23 @@ def settled(rod: Rod, result: tuple[np.ndarray, np.ndarray, int] | None) -> Foun
         return None
     q, F, iterations = result
     return Found.at(rod, q, F, iterations)
+
+
+def carried(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> Found | None:
+    """The equilibrium of a rod under other conditions next to (q, F), with its contacts if it can."""
+    there = conditions.qe, conditions.re, conditions.f, conditions.obstacles
+    if isinstance(rod, TouchingRod) and rod.count:
+        touching = rod.snapshot()()
+        assert isinstance(touching, TouchingRod)
+        touching.set_conditions(*there)
+        code, iterations, q_new, F_new = touching.correct(
+            touching.on_end(q), F, SEARCH_OPTIONS.step_tolerance, remesh=False
+        )
+        if code == warm_step.ADVANCED and touching.refactor(q_new, F_new):
+            return Found.at(touching, q_new, F_new, iterations)
+    other = rod.variant(rod.mesh)
+    other.set_conditions(*there)
+    return settle(other, other.on_end(q), F, SEARCH_OPTIONS)
 
 
 def on_mesh(found: Found, mesh: Mesh) -> Found | None:

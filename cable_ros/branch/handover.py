@@ -42,6 +42,9 @@ WORK = 40_000.0
 """Minimum budget, iterations times unknowns, of a rod that takes over."""
 EXACT_WORK = 60_000.0
 """Maximum budget of a search for the accurate equilibrium beside one on a grid."""
+LEAST_WORK = 10_000.0
+"""Its minimum at a pose that was asked for, without friction, where a grid's own numbers are not published:
+one trial, whatever the way there took."""
 SPREAD = 400.0
 """Number of forces per length, 1 / L, by which a sample of a patch is spread: more than cells."""
 CELLS = 12.0
@@ -128,19 +131,22 @@ def _longest_span(points: np.ndarray) -> float:
     return max((float(span) for span in spans if span > 0.0), default=np.inf)
 
 
-def exact(rod: NodalRod, tolerance: float, model: int, anywhere: bool = False) -> Found | None:
+def exact(
+    rod: NodalRod, tolerance: float, model: int, anywhere: bool = False, least: float = 0.0
+) -> Found | None:
     """The equilibrium of a nodal rod, solved to the tolerance without its grid; None if none is found.
 
-    `anywhere`: whether another one that a descent finds will do, too: in a search any is as good.
+    `anywhere`: whether another one that a descent finds will do, too: in a search any is as good. `least`:
+    the minimum budget, without friction.
     """
     if rod.compliance[:2].any():
         return None if rod.touches else _lifted(rod, tolerance)
-    if model != FRICTIONLESS and rod.touches:
+    if model != FRICTIONLESS and rod.rubs:
         return _with_friction(rod, tolerance) if model == COULOMB else None
     assert rod.obstacles is not None
     conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     first = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
-    left = given = min(rod.work, EXACT_WORK)
+    left = given = max(min(rod.work, EXACT_WORK), least)
     found = None
     for _ in TRIALS:
         if left <= 0.0:

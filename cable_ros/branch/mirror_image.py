@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import SEARCH_OPTIONS, Conditions, Found, Sought, same, settle
+from cable_ros.branch.cold_start import Conditions, Found, Sought, carried, same
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.touching_rod import TouchingRod
-from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod import quaternion
 from cable_ros.rod.initial_shapes import side
 
 SYMMETRIC = 1e-9
@@ -66,12 +65,7 @@ def _image(one: Found, n: np.ndarray) -> Found | None:
     if isinstance(rod, NodalRod):
         return _on_its_grid(rod, n)
     F = one.F - 2.0 * float(n @ one.F) * n
-    image = _with_its_contacts(rod, q, F) if isinstance(rod, TouchingRod) and rod.count else None
-    if image is None:
-        other = rod.variant(rod.mesh)
-        other.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
-        image = settle(other, other.on_end(q), F, SEARCH_OPTIONS)
-    return image
+    return carried(rod, q, F, Conditions(rod.qe, rod.re, rod.f, rod.obstacles))
 
 
 def by_rule(found: Found, shape: np.ndarray) -> tuple[Found, bool]:
@@ -109,13 +103,3 @@ def _on_its_grid(rod: NodalRod, n: np.ndarray) -> Found | None:
         return None
     image.linearize(image.shape, image.end_force)
     return Found.at(image, image.shape, image.end_force)
-
-
-def _with_its_contacts(rod: TouchingRod, q: np.ndarray, F: np.ndarray) -> Found | None:
-    """The equilibrium next to (q, F) with contacts at the arc lengths of the rod's; None without one."""
-    other = rod.snapshot()()
-    assert isinstance(other, TouchingRod)
-    code, iterations, q, F = other.correct(other.on_end(q), F, SEARCH_OPTIONS.step_tolerance, remesh=False)
-    if code != warm_step.ADVANCED or not other.refactor(q, F):
-        return None
-    return Found.at(other, q, F, iterations)

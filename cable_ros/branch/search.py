@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cable_ros.branch import handover
-from cable_ros.branch.cold_start import Found, Sought, Starts, refine
+from cable_ros.branch.cold_start import Found, Sought, Starts, carried, refine, same
 from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry, side_of
 from cable_ros.branch.paying_out import Led, Loading, PayingOut
 from cable_ros.equilibrium import Status
@@ -30,7 +32,9 @@ class Search:
 
     def __init__(self, sought: Sought) -> None:
         self.sought = sought
-        self._starts = Starts(sought, thorough=False)
+        touches = sought.conditions.obstacles is not None
+        begun = replace(sought, conditions=sought.conditions.rounded()) if touches else sought
+        self._starts = Starts(begun, thorough=False)
         self._last: list[Led | handover.Rest]
         clamped = sought.compliance is None and sought.ends is None
         self._last = [PayingOut(sought), Loading(sought), handover.Rest(sought)] if clamped else []
@@ -84,7 +88,7 @@ class Search:
         if not self._starts.over:
             return self._starts.descend()
         if self._coarse is None:
-            return self._sort(self._starts.found)
+            return self._arrive()
         if self._refined < len(self._coarse):
             return self._refine(self._coarse[self._refined])
         found, work = next(one for one in self._last if not one.over).settle()
@@ -94,15 +98,30 @@ class Search:
             self._best = self._origin = self._coarse[0]
         return work
 
+    def _arrive(self) -> float:
+        """Bring the equilibria that the descents found to the very pose; returns the work of that."""
+        found, conditions, work = self._starts.found, self.sought.conditions, 0.0
+        if conditions.obstacles is not None:
+            there = [carried(one.rod, one.q, one.F, conditions) for one in found]
+            found = [replace(to, iterations=one.iterations + to.iterations)
+                     for one, to in zip(found, there, strict=True) if to is not None]  # fmt: skip
+            work = sum(to.iterations * to.rod.iteration_work for to in there if to is not None)
+        return work + self._sort(found)
+
     def _sort(self, found: list[Found]) -> float:
-        """Put the equilibria found in turn, the mirror image of the first added; returns the work of that."""
+        """Put the equilibria found in turn, with images of the first ones; returns the work of that."""
         n, twist = plane_of_symmetry(self.sought), self.sought.target_twist
         self._coarse, work = _in_turn(found, twist, n is not None), 0.0
-        if n is not None and found and not any(_equal(one, self._coarse[0]) for one in self._coarse[1:]):
-            image = mirror_image(self._coarse[0], n)
-            if image is not None and _equal(image, self._coarse[0]):
-                self._coarse = _in_turn([*found, image], twist, True)
-                work = image.iterations * image.rod.iteration_work
+        if n is None or not found:
+            return work
+        # a scene may have other symmetries, too: of the images that they make, descents find only some
+        for one in [one for one in self._coarse if _equal(one, self._coarse[0])]:
+            image = mirror_image(one, n)
+            if image is None or not _equal(image, one) or any(same(image, known) for known in found):
+                continue
+            found = [*found, image]
+            work += image.iterations * image.rod.iteration_work
+        self._coarse = _in_turn(found, twist, True)
         return work
 
     def _refine(self, one: Found) -> float:

@@ -299,13 +299,14 @@ class TrackedEquilibrium(CableModel):
         With friction, this is tried only at poses that are asked for, and less and less often the sooner the
         cable was on its grid again.
         """
-        rubs = self._model == COULOMB and rod.touches
+        rubs = rod.rubs
         if rubs and (status is Status.UNFINISHED or self._passing):
             return
         if rubs and self._off_grid.waits and self._estimate <= self._limit:
             self._off_grid.skip()
             return
-        found = handover.exact(rod, self.tolerance, self._model)
+        least = 0.0 if status is Status.UNFINISHED or self._passing else handover.LEAST_WORK
+        found = handover.exact(rod, self.tolerance, self._model, least=least)
         if rubs:
             self._off_grid.tried()
         if found is None:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.contact.distance import gap, gaps
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap, gaps
 from cable_ros.contact.nodal_kernels import COMPLIANCE, contact_frames, residuals
 from cable_ros.contact.nodal_response import contact_tangents, frozen_step, wrench_response
 from cable_ros.contact.nodal_stability import ITERATIONS, PENALTY, RIGID, condensed, softest
@@ -141,6 +141,13 @@ class NodalContacts(Rod):
     @property
     def touches(self) -> bool:  # type: ignore[override]
         return bool(self.state.lam.any())
+
+    @property
+    def rubs(self) -> bool:
+        """Whether it presses on something rough."""
+        if not self.coulomb or self.obstacles is None:
+            return False
+        return bool(self.state.lam[:, self.obstacles[:, FRICTION_COEFFICIENT] > 0.0].any())
 
     def set_conditions(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray | None = None

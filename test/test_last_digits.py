@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joints changed in their twelfth digit: the same answer, also of a search that passes many others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from zoo_hose import either_side
+
+from cable_ros.bench.cases import Case
+from cable_ros.bench.contact_fuzz import contact_case
+from cable_ros.bench.drawn import drawn_case
+from cable_ros.bench.metamorphic import TOLERANCES, follow, nudged
+
+ARCH = either_side()[0]
+
+
+@pytest.mark.parametrize(
+    ("case", "poses"),
+    [
+        pytest.param(contact_case(11, 4, 1e-4), 1, id="a descent of fifty zigzags"),
+        pytest.param(drawn_case(11, 57, 1e-4), 1, id="four images of one energy, of which some are found"),
+        pytest.param(ARCH, 2, id="a snap-through that takes a call's budget"),
+    ],
+)
+def test_same_answer(case: Case, poses: int) -> None:
+    case = replace(case, path=case.path[:poses])
+    first = follow(case)
+    for seed in (102, 103, 105):
+        other = follow(nudged(case, seed))
+        for i, (a, b) in enumerate(zip(first.found, other.found, strict=True)):
+            assert a.status is b.status, (i, a.message, b.message)
+            assert first.difference(a, b, i) < TOLERANCES * case.tolerance, (i, seed)
