@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from cable_ros.contact.edges import across_edges
 from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, slip_change
 from cable_ros.contact.meshing import fitted, layered
-from cable_ros.contact.newton import active_set_newton
+from cable_ros.contact.newton import MOST_SHARED, active_set_newton
 from cable_ros.contact.patches import resample
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -65,6 +66,8 @@ MANY, PLANAR, OUT = 8, 1e-8, 1e-3
 what shows that it has left it: half the turn of a section, rad."""
 TURN, LEAST_TURN = 0.25, 1 / 128
 """First and least part of mobilised friction that turns back at once."""
+SHARING = 3
+"""Time of an iteration in which all points share friction, over that of another."""
 DENSE = 45.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
@@ -292,7 +295,7 @@ class ActiveSetRod(FixedSetRod):
         kept, direction, mesh = self.state(), self.direction, self.mesh
         self.latest, self.stride = None, 2.0  # the gradient will be another's
         Y, S = (self.responses, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
-        spent = 0
+        spent, shared = 0, False
         if remesh and self.model == SLIDING:
             code, spent, q, F = self._reverse(q, F, re, tolerance, limit)
             if code != warm_step.ADVANCED:
@@ -302,22 +305,22 @@ class ActiveSetRod(FixedSetRod):
         rubs = self.model == COULOMB
         distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles) if rubs else 0.0
         self._set_bedding(distance)
-        q_new, F_new = np.empty_like(q), np.empty(3)
-        try:
-            known = self.ready, self.settled is q
-            last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then
-            factors = self.A, self.L, self.pivots, Y, S
-            friction = self.model, self.direction, self.presliding, self.bedding
-            bubbles = end_bubbles(self.mesh.element.order)
-            options = *friction, self.samples, self.depth, self.give, self.finest(), bubbles, self.drag
-            code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(
-                last, (qe, re, f), obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
-                options, (tolerance, limit, self.rotation, self.refactor_at), (q_new, F_new),
-            )  # fmt: skip
-        except np.linalg.LinAlgError:
-            code, iterations, moved, turned = warm_step.NOT_CONTRACTING, 0, False, np.inf
+        known = self.ready, self.settled is q
+        last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then
+        factors = self.A, self.L, self.pivots, Y, S
+        goal = (qe, re, f), obstacles, (tolerance, limit, self.rotation, self.refactor_at)
+        shares = self.lies and not self.creeps
+        found = self._newton(last, goal, factors, False)
+        affordable = (
+            2.0 * SHARING * MOST_SHARED * self.iteration_work <= self.work
+        )  # a grid may have to follow
+        if shares and affordable and found[0] == warm_step.NOT_CONTRACTING:
+            spent += found[1]
+            self.restore(kept, mesh)
+            last = q, F, self.f, self.obstacles, self.count, self.rows, False, False, *self.then
+            found, shared = self._newton(last, goal, factors, True), True
+        code, iterations, moved, turned, foreseen, q_new, F_new = found
         self.then = SAME
-        self.spend(iterations)
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
             force = float(np.linalg.norm(F_new))
@@ -344,6 +347,7 @@ class ActiveSetRod(FixedSetRod):
             # with friction as it is; the iteration's own factors say nothing about stability, but they
             # predict the next step
             code = warm_step.ADVANCED if self.kkt_factor(self.drag, 3 + self.count) else warm_step.NOT_CONVEX
+        self.ready = self.ready and not shared  # such factors hold what slips, too
         if code != warm_step.ADVANCED:
             self.restore(kept, mesh)
             self.direction = direction
@@ -375,6 +379,36 @@ class ActiveSetRod(FixedSetRod):
             return code, iterations, q_new, F_new
         self.settled = q_new
         return code, iterations, q_new, F_new
+
+    def _newton(
+        self, last: tuple[Any, ...], goal: tuple[Any, ...], factors: tuple[np.ndarray, ...], shared: bool
+    ) -> tuple[int, int, bool, float, float, np.ndarray, np.ndarray]:  # fmt: skip
+        """`newton.active_set_newton` from `last`, fields of `Last`.
+
+        Args:
+            last: fields of `Last`.
+            goal: the new conditions and obstacles, and the `StepControl`.
+            factors: `Factors`.
+            shared: see `contact_state.History`.
+
+        Returns:
+            How it ended, iterations, whether another mesh would hold the points better, rotation since the
+            last factorisation and in the tangent step, rad, and the new (q, F).
+        """
+        conditions, obstacles, control = goal
+        q_new, F_new = np.empty_like(last[0]), np.empty(3)
+        friction = self.model, self.direction, self.presliding, self.bedding
+        contact = self.samples, self.depth, self.give, self.finest(), end_bubbles(self.mesh.element.order)
+        options = *friction, *contact, shared, self.drag
+        try:
+            code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(
+                last, conditions, obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
+                options, control, (q_new, F_new),
+            )  # fmt: skip
+        except np.linalg.LinAlgError:
+            code, iterations, moved, turned, foreseen = warm_step.NOT_CONTRACTING, 0, False, np.inf, 0.0
+        self.spend(SHARING * iterations if shared else iterations)
+        return code, iterations, moved, turned, foreseen, q_new, F_new
 
     def _set_bedding(self, distance: float) -> None:
         """Let what sticks along a patch yield in proportion to a short step, by its length, L.

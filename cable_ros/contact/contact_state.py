@@ -78,6 +78,9 @@ class History(NamedTuple):
     """(m,) arc lengths at which they start, L."""
     obstacles: np.ndarray
     """(o, WIDTH) the obstacles there."""
+    shared: bool
+    """Whether all points share friction, see `shared_friction`; else each sticks or slips as it did before,
+    until its force says otherwise."""
 
 
 class Last(NamedTuple):
@@ -125,6 +128,8 @@ class Options(NamedTuple):
     """Spacing that measures elements along patches, L."""
     bubbles: np.ndarray
     """(2, g + 2) see `elements.end_bubbles`."""
+    shared: bool
+    """See `History.shared`."""
     drag: float
     """Of a viscous medium that resists the rotations in this step, over the elastic stiffness; mostly 0."""
 
