@@ -40,7 +40,7 @@ MOST_ELEMENTS = 2_000
 bound, nor has the mesh that it asks for."""
 SLIVER = 1e-6
 """Length, L, of an element that nothing asks for."""
-GRAIN = 2.0**-33
+GRAIN = 2.0**-34
 """To this, L, rad or of the weight, conditions are rounded for a search among obstacles: a descent that
 zigzags for fifty iterations makes another equilibrium of a change in the twelfth digit."""
 LIMIT = 1e9
