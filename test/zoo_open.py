@@ -75,10 +75,7 @@ DRAWN = {
     (137, 1): "two smooth beams, one rough: a cold start finds nothing",
     (137, 8): "a heavy lift at its last pose, on a grid whose error is 5.3 %",
     (138, 18): "a hose led about: 17 of 41 poses on a grid whose error is too large",
-    (
-        138,
-        48,
-    ): "a hose led there and back in ten poses slides 1.3e-3 of the length the way its friction pushes",
+    (138, 48): "a hose led there and back in ten poses slides 1.3e-3 L the way its friction pushes",
     (11, 6): "a ball pushed down on a weightless cable until that is taut",
 }
 """By seed and index of `drawn_case`, what is amiss."""

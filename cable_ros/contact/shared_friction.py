@@ -17,6 +17,7 @@ from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import ROUNDING
 from cable_ros.contact.points import FORCE, FRICTION, OBSTACLE, SLIPS, STICK_ROW
 from cable_ros.linalg import dense
+from cable_ros.linalg.copies import copy
 from cable_ros.solve.discs import minimum
 
 SETTLING = 8
@@ -191,7 +192,7 @@ def settle(W, r, before, normal, after, slips):
     n = 2 * k
     t, side, M, g, d = after.copy(), slips.copy(), np.empty((n, n)), np.empty(n), np.empty(n)
     e, cones, swaps = np.empty(n), np.empty(k), np.empty(n, np.int64)
-    largest = misfits(W, r, before, normal, t, e, cones)
+    misfits(W, r, before, normal, t, e, cones)
     for _ in range(SETTLING):
         for j in range(k):
             p, q = 2 * j, 2 * j + 1
@@ -232,10 +233,8 @@ def settle(W, r, before, normal, after, slips):
             changed = changed or slides != side[j]
             side[j] = slides
         if not changed and change <= SETTLED * largest:
-            for c in range(n):
-                after[c] = t[c]
-            for j in range(k):
-                slips[j] = side[j]
+            copy(t, after)
+            copy(side, slips)
             return True
         if not change <= FARTHEST * largest:
             return False

@@ -14,6 +14,7 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.linalg import dense
+from cable_ros.linalg.copies import copy_rows
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -68,7 +69,7 @@ def minimum(A, b, x, m):
             gap += (m[i] + x[2 * i] * z[2 * i] + x[2 * i + 1] * z[2 * i + 1]) / k
         if gap <= CLOSED * scale:
             return True
-        copy_matrix(A, M)
+        copy_rows(A, M)
         scale_cones(x, m, z, size, M, scaling, scaled)
         dense.factor(M, swaps)
         for i in range(k):
@@ -103,14 +104,6 @@ def forces(A, b, x, z, size):
         z[i] = v
     for i in range(size.shape[0]):
         size[i] = np.hypot(z[2 * i], z[2 * i + 1])
-
-
-@njit(**LEAF)
-def copy_matrix(A, M):
-    """M = A, both (n, n)."""
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            M[i, j] = A[i, j]
 
 
 @njit(**INNER)
