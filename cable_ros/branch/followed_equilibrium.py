@@ -160,7 +160,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         if rod.on_grid:  # the grid does not depend on the tolerance
             self._resolved = tolerance
             return
-        spare = copy.deepcopy(rod)
+        spare, forgetful = copy.deepcopy(rod), None
         if rod.refactor(self._q, self._F):
             found = Found.at(rod, self._q, self._F)
             if not rod.touches:
@@ -171,15 +171,19 @@ class FollowedEquilibrium(SearchedEquilibrium):
                 other = on_mesh(found, mesh)
                 found = found if other is None or abs(other.twist - found.twist) > SAME_TWIST else other
             fine, estimate = refine(found, tolerance)
-            if estimate <= tolerance:
+            if estimate <= tolerance and not fine.rod.forgot:
                 self._take(fine, self._joints)
                 return
+            forgetful = fine if estimate <= tolerance else None
         if rod.relative_error(self._q, self._F) <= tolerance:
             # the mesh is fine enough
             self._rod, self._resolved = spare, tolerance
             return
         if self._onto_grid(rod, self._q, self._F):
             self._resolved = tolerance
+            return
+        if forgetful is not None:
+            self._take(forgetful, self._joints)
             return
         self._rod = None
         self._lose(f"it could not be brought to the tolerance {tolerance:g}")

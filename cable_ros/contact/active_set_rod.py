@@ -15,7 +15,7 @@ from cable_ros.contact.edges import across_edges
 from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, slip_change
 from cable_ros.contact.meshing import fitted, layered
-from cable_ros.contact.newton import MOST_SHARED, active_set_newton
+from cable_ros.contact.newton import active_set_newton
 from cable_ros.contact.patches import resample
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -57,6 +57,10 @@ KEPT = 1e-3
 FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 """Maximum rotation of a section in a step with friction: multiple of that in the tangent step, rad per motion
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
+LEAST_SOFT = 1e-6
+"""Least presliding, L, from which what sticks is made firmer where nothing moves."""
+LANDED_AT_ONCE = 1e-4
+"""Length of a step, L, above which nothing may come down in one that has to begin with a soft stick."""
 NEAR_LIMIT = 0.9
 """Least friction, over the largest possible, of what may go on slipping on another mesh: pressures change."""
 SHORT_STEP = 1e-3
@@ -66,8 +70,6 @@ MANY, PLANAR, OUT = 8, 1e-8, 1e-3
 what shows that it has left it: half the turn of a section, rad."""
 TURN, LEAST_TURN = 0.25, 1 / 128
 """First and least part of mobilised friction that turns back at once."""
-SHARING = 3
-"""Time of an iteration in which all points share friction, over that of another."""
 DENSE = 45.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
@@ -295,7 +297,7 @@ class ActiveSetRod(FixedSetRod):
         kept, direction, mesh = self.state(), self.direction, self.mesh
         self.latest, self.stride = None, 2.0  # the gradient will be another's
         Y, S = (self.responses, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
-        spent, shared = 0, False
+        spent = 0
         if remesh and self.model == SLIDING:
             code, spent, q, F = self._reverse(q, F, re, tolerance, limit)
             if code != warm_step.ADVANCED:
@@ -305,20 +307,16 @@ class ActiveSetRod(FixedSetRod):
         rubs = self.model == COULOMB
         distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles) if rubs else 0.0
         self._set_bedding(distance)
-        known = self.ready, self.settled is q
-        last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then
-        factors = self.A, self.L, self.pivots, Y, S
         goal = (qe, re, f), obstacles, (tolerance, limit, self.rotation, self.refactor_at)
-        shares = self.lies and not self.creeps
-        found = self._newton(last, goal, factors, False)
-        affordable = (
-            2.0 * SHARING * MOST_SHARED * self.iteration_work <= self.work
-        )  # a grid may have to follow
-        if shares and affordable and found[0] == warm_step.NOT_CONTRACTING:
+        factors = self.A, self.L, self.pivots, Y, S
+        found = self._newton(q, F, goal, factors)
+        if self.lies and not self.creeps and found[0] in (warm_step.NOT_CONTRACTING, warm_step.TOO_FAR):
             spent += found[1]
             self.restore(kept, mesh)
-            last = q, F, self.f, self.obstacles, self.count, self.rows, False, False, *self.then
-            found, shared = self._newton(last, goal, factors, True), True
+            self.ready = False
+            found = self._newton(q, F, goal, factors, max(distance, LEAST_SOFT))
+            if self.count > kept[1] and distance > LANDED_AT_ONCE:
+                found = (warm_step.NOT_CONTRACTING, *found[1:])  # in which order it lands matters
         code, iterations, moved, turned, foreseen, q_new, F_new = found
         self.then = SAME
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
@@ -347,7 +345,6 @@ class ActiveSetRod(FixedSetRod):
             # with friction as it is; the iteration's own factors say nothing about stability, but they
             # predict the next step
             code = warm_step.ADVANCED if self.kkt_factor(self.drag, 3 + self.count) else warm_step.NOT_CONVEX
-        self.ready = self.ready and not shared  # such factors hold what slips, too
         if code != warm_step.ADVANCED:
             self.restore(kept, mesh)
             self.direction = direction
@@ -381,33 +378,35 @@ class ActiveSetRod(FixedSetRod):
         return code, iterations, q_new, F_new
 
     def _newton(
-        self, last: tuple[Any, ...], goal: tuple[Any, ...], factors: tuple[np.ndarray, ...], shared: bool
+        self, q: np.ndarray, F: np.ndarray, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...],
+        softest: float = 0.0,
     ) -> tuple[int, int, bool, float, float, np.ndarray, np.ndarray]:  # fmt: skip
-        """`newton.active_set_newton` from `last`, fields of `Last`.
+        """`newton.active_set_newton` from the last equilibrium (q, F).
 
         Args:
-            last: fields of `Last`.
+            q, F: frames and end force.
             goal: the new conditions and obstacles, and the `StepControl`.
             factors: `Factors`.
-            shared: see `contact_state.History`.
+            softest: see `contact_state.Options`.
 
         Returns:
             How it ended, iterations, whether another mesh would hold the points better, rotation since the
             last factorisation and in the tangent step, rad, and the new (q, F).
         """
         conditions, obstacles, control = goal
-        q_new, F_new = np.empty_like(last[0]), np.empty(3)
-        friction = self.model, self.direction, self.presliding, self.bedding
+        known = self.ready, self.settled is q
+        last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then
+        friction = self.model, self.direction, self.presliding, self.bedding, softest
         contact = self.samples, self.depth, self.give, self.finest(), end_bubbles(self.mesh.element.order)
-        options = *friction, *contact, shared, self.drag
+        q_new, F_new = np.empty_like(q), np.empty(3)
         try:
             code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(
                 last, conditions, obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
-                options, control, (q_new, F_new),
+                (*friction, *contact, self.drag), control, (q_new, F_new),
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned, foreseen = warm_step.NOT_CONTRACTING, 0, False, np.inf, 0.0
-        self.spend(SHARING * iterations if shared else iterations)
+        self.spend(iterations)
         return code, iterations, moved, turned, foreseen, q_new, F_new
 
     def _set_bedding(self, distance: float) -> None:

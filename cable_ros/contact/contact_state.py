@@ -78,9 +78,6 @@ class History(NamedTuple):
     """(m,) arc lengths at which they start, L."""
     obstacles: np.ndarray
     """(o, WIDTH) the obstacles there."""
-    shared: bool
-    """Whether all points share friction, see `shared_friction`; else each sticks or slips as it did before,
-    until its force says otherwise."""
 
 
 class Last(NamedTuple):
@@ -118,6 +115,8 @@ class Options(NamedTuple):
     presliding: float
     bedding: float
     """See `History`; so is presliding."""
+    softest: float
+    """Presliding, L, that a step begins with, to be halved again and again; 0: none but what is asked for."""
     samples: np.ndarray
     """(k,) equally spaced arc lengths at which contact is looked for."""
     depth: float
@@ -128,8 +127,6 @@ class Options(NamedTuple):
     """Spacing that measures elements along patches, L."""
     bubbles: np.ndarray
     """(2, g + 2) see `elements.end_bubbles`."""
-    shared: bool
-    """See `History.shared`."""
     drag: float
     """Of a viscous medium that resists the rotations in this step, over the elastic stiffness; mostly 0."""
 

@@ -289,7 +289,7 @@ class FixedSetRod(Rod):
     def assemble(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
         """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
         friction = model, self.direction, self.presliding, self.bedding
-        history = *friction, self.c, self.c, self.h, self.s0, self.obstacles, False
+        history = *friction, self.c, self.c, self.h, self.s0, self.obstacles
         return int(assemble_kkt(
             self.shape(q), (F, self.f), self.section, self.obstacles, history, self.contacts, self.count,
             self.kkt(self._factors(self.complement)),

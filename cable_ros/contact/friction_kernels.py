@@ -41,6 +41,12 @@ STICK = 1e8
 
 
 @njit(**LEAF)
+def stick(point, bedding):
+    """Stiffness of stick without presliding, EI / L^3, see `stick_stiffness`; `bedding` is `History`'s."""
+    return min(STICK, bedding * point[LENGTH]) if point[KIND] == SAMPLE else STICK
+
+
+@njit(**LEAF)
 def stick_stiffness(point, cone, history):
     """Stiffness of a contact point's stick, EI / L^3: STICK at most, for samples `History.bedding`.
 
@@ -49,9 +55,7 @@ def stick_stiffness(point, cone, history):
         cone: its largest possible friction, EI / L^2.
         history: `History`.
     """
-    stiffness = STICK
-    if point[KIND] == SAMPLE:
-        stiffness = min(stiffness, history.bedding * point[LENGTH])
+    stiffness = stick(point, history.bedding)
     if 0.0 < cone < history.presliding * stiffness:
         stiffness = cone / history.presliding
     return stiffness
@@ -91,15 +95,6 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
             limit[DIRECTION + a] = 0.0 if size == 0.0 else share * side[a] / size
             points[i, FRICTION + a] = cone * limit[DIRECTION + a]
         return False
-    if history.shared:  # a force of its own, whose two rows hold it until it is known who slips
-        along = 0.0
-        for a in range(3):
-            points[i, FRICTION + a] = turned[a] if initial else points[i, FRICTION + a]
-            along += points[i, FRICTION + a] * n[a]
-        for a in range(3):
-            points[i, FRICTION + a] -= along * n[a]
-        limit[STIFFNESS] = stiffness
-        return points[i, STICK_ROW] == 0.0
     if cone == 0.0:
         # about to lift off: it slips without a force, in a direction that shows when it presses again; a new
         # point is taken to stick if that direction is rounding, or its own slip has lifted it

@@ -10,7 +10,7 @@ from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
 from cable_ros.contact.detection import dipping, flatten, release, update_active_set
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
-from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, stick
 from cable_ros.contact.interfaces import place_points
 from cable_ros.contact.moving_obstacles import follow_obstacles
 from cable_ros.contact.patch_edges import meet_edges
@@ -34,7 +34,6 @@ from cable_ros.contact.points import (
     SWINGS,
     WAS,
 )
-from cable_ros.contact.shared_friction import share_friction
 from cable_ros.contact.stretched import close_strained_curve, trace
 from cable_ros.linalg import banded
 from cable_ros.linalg.bordered import (
@@ -44,9 +43,6 @@ from cable_ros.linalg.bordered import (
     end_coupling,
     kkt_factor,
     kkt_solve,
-    missing,
-    relax,
-    respond,
 )
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
@@ -58,16 +54,19 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 SLOW = 0.15
 """Refactor if an iteration leaves more than this fraction of the error."""
-MOST_REVISIONS, MOST_ITERATIONS, MOST_WITH_FRICTION, MOST_SHARED = 44, 25, 40, 12
-"""Maximum number of changes of the active set in a solve, and of iterations between two of them: without
-friction, with it, and where all points share it."""
+MOST_REVISIONS, MOST_ITERATIONS, MOST_WITH_FRICTION = 44, 25, 40
+"""Maximum number of changes of the active set in a solve, and of iterations between two of them."""
+LOOSE = 1e-2
+"""Largest step, rad or over the end force, that ends the iterations where presliding is still halved."""
+FIRM = 0.5
+"""Presliding, over the motion in which any point's stick yields by itself, that counts as none."""
 DIRECTED, SWINGS_ON, ROUNDS = 30.0, 0.5, 5
 """Maximum error of a point's friction, over that of the end force; what is left of it after an iteration, as
 the direction of a short slip follows the shape late; and how often more iterations are made for it."""
 ROUNDING = 10.0
 """Steps that stagnate below this multiple of the tolerance are rounding error."""
-MOST_IN_ALL = 75
-"""Beyond this many iterations the active set is assumed to cycle."""
+MOST_IN_ALL, MOST_FROM_SOFT = 75, 120
+"""Beyond this many iterations the active set is assumed to cycle; the same where presliding is halved."""
 
 
 @njit(**INNER)
@@ -128,7 +127,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
     V, lines, totals = rows.V, rows.lines, evaluation.totals
-    model, _, _, _, samples, depth, give, finest, bubbles, shared, drag = options
+    model, _, _, _, softest, samples, depth, give, finest, bubbles, drag = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
     order = N.shape[1] - 1
@@ -155,9 +154,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     old_h, old_s0 = h.copy(), s0.copy()
     if ratio != 1.0 or shift != 0.0:
         lengthen((old_c, closed, old_h, old_s0), ratio, shift)
-    friction = model, options.direction, options.presliding, options.bedding
     before = old_c, closed, old_h, old_s0, last.obstacles
-    history, each = History(*friction, *before, shared), History(*friction, *before, False)
+    presliding = max(softest, options.presliding)
+    history = History(model, options.direction, presliding, options.bedding, *before)
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
         for a in range(3):
@@ -166,24 +165,23 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         points[i, WAS] = points[i, ARC_LENGTH] if points[i, KIND] == POINT else 0.0
         if points[i, KIND] >= FIRST:
             points[i, NUMBER] = 0.0
+        if softest > 0.0:
+            points[i, SLIPS] = 0.0
     copy_rows(q, q_new)
     copy(F, F_new)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[q.shape[0] - 1]), qe))
     total, rounds, size, step, scale, foreseen = 0, 0, 0.0, 0.0, 1.0, 0.0
-    settled = np.empty((points.shape[0], 3))
+    friction = np.empty((points.shape[0], 3))
     small, swaps = factors.S, np.empty(0, np.int64)
     tangent, moved, convex = True, False, True  # `tangent`: the tangent step, which moves the end
     steady = model != COULOMB  # whether no direction of friction is part of the iteration
     holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
-    most = MOST_ITERATIONS
-    if model == COULOMB:
-        most = MOST_SHARED if shared else MOST_WITH_FRICTION
     known = known and ready and (f == last.f).all() and (obstacles == last.obstacles).all()
     for _ in range(MOST_REVISIONS):
-        if total > MOST_IN_ALL:
+        if total > (MOST_FROM_SOFT if softest > 0.0 else MOST_IN_ALL):
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         converged = False
-        for iteration in range(most):
+        for iteration in range(MOST_WITH_FRICTION if model == COULOMB else MOST_ITERATIONS):
             changes = 0
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
             if not tangent:
@@ -222,7 +220,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 )  # fmt: skip
             elif full:
                 skew_factor(kkt, total_rows, order, drag)
-            if not shared and (full or swaps.shape[0] != total_rows):
+            if full or swaps.shape[0] != total_rows:
                 small, swaps = complement_factors(factors.S, total_rows)
             if drag > 0.0:
                 banded.multiply(tangents.elastic, gone, pull)
@@ -237,15 +235,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 b[i] = gaps[i - 3]
             if tangent:
                 end_coupling(tangents, V, total_rows, theta, gv, b)
-            if shared:
-                relax(gv, order, factors.U, factors.pivots, s)
-                right = np.empty(total_rows)
-                missing(b, V, total_rows, s, right)
-                if not share_friction(factors.S, right, contacts, count, lines, obstacles, y):
-                    return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
-                respond(factors.Y, total_rows, y, s)
-            else:
-                kkt_solve(gv, b, V, order, factors, small, swaps, s, y)
+            kkt_solve(gv, b, V, order, factors, small, swaps, s, y)
             if tangent:
                 for k in range(3):
                     s[n - 3 + k] = theta[k]
@@ -266,7 +256,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 rate = max(min(step / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, rotation)
                 # the constraint rows may hold the direction of friction too stiffly
                 trusted = rate if steady or full else max(rate, 0.5)
-                if changes == 0 and (step * trusted <= tolerance or step < 1e-13):
+                enough = tolerance if presliding <= options.presliding else max(LOOSE, tolerance)
+                if changes == 0 and (step * trusted <= enough or step < 1e-13):
                     converged = True
                     break
                 stagnates = same and steady and changes == 0 and iteration > 4 and step > 0.9 * size
@@ -286,23 +277,20 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         changed, count = update_active_set(
             shape, samples, obstacles, left, left - depth + give, points, count, phi
         )
-        if not changed:
+        if not changed and presliding > options.presliding:
+            presliding = firmer(points, count, obstacles, options, presliding)
+            history = History(model, options.direction, presliding, options.bedding, *before)
+        elif not changed:
             moved = moved or coarse(points, count, h, s0, finest) or dipping(points, count)
             if not convex and model == FRICTIONLESS:
                 return NOT_CONVEX, total, count, total_rows, moved, rotation, foreseen
             if model == COULOMB:
                 for i in range(count):
                     for a in range(3):
-                        settled[i, a] = points[i, FRICTION + a]
-            if shared:  # the rows say then what sticks and what slips
-                limit_friction(points, count, obstacles)
-            new_rows, _, _ = assemble_kkt(
-                shape, (F_new, f), section, obstacles, each, contacts, count, kkt, shared, False
-            )
-            total_rows = new_rows if shared else total_rows
+                        friction[i, a] = points[i, FRICTION + a]
+            assemble_kkt(shape, (F_new, f), section, obstacles, history, contacts, count, kkt, False, False)
             if model == COULOMB and rounds < ROUNDS:
-                left = max(rate, SWINGS_ON) * largest_change(points, count, settled)
-                left *= count if shared else 1  # all of them may be too large, and not each in its direction
+                left = max(rate, SWINGS_ON) * largest_change(points, count, friction)
                 if left > DIRECTED * tolerance * scale:
                     rounds, holds = rounds + 1, False
                     continue
@@ -312,14 +300,18 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
 
 
 @njit(**LEAF)
-def limit_friction(points, count, obstacles):
-    """Give what slips the size of its cone, which an interior point comes close to."""
+def firmer(points, count, obstacles, options, presliding):
+    """The next `presliding`, L, of a step that began with `Options.softest`: half of it.
+
+    Where no point's stick would yield less, it is what is asked for.
+    """
+    asked = options.presliding
+    yields = 0.0
     for i in range(count):
-        size = np.sqrt(points[i, FRICTION] ** 2 + points[i, FRICTION + 1] ** 2 + points[i, FRICTION + 2] ** 2)
-        if points[i, SLIPS] == 1.0 and size > 0.0:
-            mu = obstacles[int(points[i, OBSTACLE]), FRICTION_COEFFICIENT]
-            for a in range(3):
-                points[i, FRICTION + a] *= mu * max(points[i, FORCE], 0.0) / size
+        cone = obstacles[int(points[i, OBSTACLE]), FRICTION_COEFFICIENT] * points[i, FORCE]
+        if cone > 0.0:
+            yields = max(yields, cone / stick(points[i], options.bedding))
+    return max(asked, 0.5 * presliding) if 0.5 * presliding > FIRM * yields else asked
 
 
 @njit(**LEAF)
