@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from cable_ros.bench.contact_checks import (
     Surface,
     contact_fault,
+    grid_error,
     pull_fault,
     sliding_fault,
     surfaces,
@@ -176,7 +177,7 @@ def judge(
     reported = sorted(touches(rod, met, equilibrium), key=lambda touch: touch.place)
     found = verify(rod, equilibrium, reported)
     # as reported, contacts of cells push; found again, neighbours trade forces that nothing distinguishes
-    on_grid = equilibrium.error_estimate > tolerance
+    on_grid = grid_error(equilibrium) > tolerance
     fault = None if on_grid else pull_fault(rod, found, reported)
     if fault is not None:
         return found, fault
@@ -184,7 +185,7 @@ def judge(
         return found, "no equilibrium found beside the answer"
     # friction on a grid is known to what the answer says, which must then be true
     if on_grid:
-        tolerance = max(TOLD * equilibrium.error_estimate, CELLS)
+        tolerance = max(TOLD * grid_error(equilibrium), CELLS)
     if found.wrench_error > tolerance:
         return found, f"end wrench off by {found.wrench_error:.1e}, asked for {tolerance:.0e}"
     if found.start_wrench_error > START_FACTOR * tolerance:

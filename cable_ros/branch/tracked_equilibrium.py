@@ -46,6 +46,7 @@ ACCEPT_ROUGH = 0.25
 held instead, as a judge does who is told that friction, the error was up to three times the estimate."""
 COARSE = "Contact was solved on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
+IN_STEPS = "; friction was followed in steps, to an estimated error of the end wrench of {:.1e}."
 INACCURATE = "The estimated error of the end wrench, {:.1e}, exceeds the tolerance {:.0e}."
 SINKS = "The cable still penetrates an obstacle between contact points."
 UNSTABLE = "The equilibrium that was found is not stable: its stability margin is {:.1e}."
@@ -203,6 +204,7 @@ class TrackedEquilibrium(CableModel):
             return self.failed(Status.NOT_CONVERGED, COARSE.format(error), time.perf_counter() - begin)
         if rod.forgot:
             self._lose("friction was forgotten when the mesh changed")
+        error = max(error, rod.path_error(self._F))
         status, message = self._verdict(status, message, error)
         return self._result(status, message, error, iterations, poses, begin)
 
@@ -240,7 +242,7 @@ class TrackedEquilibrium(CableModel):
         """Status and message of the present equilibrium, with all that its user should know."""
         converged, record = status is Status.CONVERGED, self._record
         if converged and error > self.tolerance:
-            message = f"{message[:-1]}{ON_GRID.format(error)}"
+            message = f"{message[:-1]}{(ON_GRID if error <= self._error else IN_STEPS).format(error)}"
         if converged and self._margin < FREE_TO_TURN:
             message = FREE
         if record.loss is not None:

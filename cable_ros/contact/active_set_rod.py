@@ -17,6 +17,7 @@ from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, s
 from cable_ros.contact.meshing import fitted, layered
 from cable_ros.contact.newton import active_set_newton
 from cable_ros.contact.patches import resample
+from cable_ros.contact.path_error import NONE
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -350,7 +351,9 @@ class ActiveSetRod(FixedSetRod):
             self.direction = direction
             return code, iterations + spent, q_new, F_new
         sunk, before = self.sunk(q_new, F_new, obstacles), (self.qe, self.re, self.f, self.obstacles)
+        followed = self.followed
         self.set_conditions(qe, re, f, obstacles)
+        self._follow(distance, F_new - F)
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         if moved and remesh and (sunk or not self._remeshing.waits):
@@ -371,7 +374,7 @@ class ActiveSetRod(FixedSetRod):
         if sunk or left_unstable:
             self.restore(kept, mesh)
             self.set_conditions(*before)
-            self.direction, self.ready = direction, False
+            self.direction, self.ready, self.followed = direction, False, followed
             code = warm_step.NOT_CONTRACTING if sunk else warm_step.NOT_CONVEX
             return code, iterations, q_new, F_new
         self.settled = q_new
@@ -408,6 +411,16 @@ class ActiveSetRod(FixedSetRod):
             code, iterations, moved, turned, foreseen = warm_step.NOT_CONTRACTING, 0, False, np.inf, 0.0
         self.spend(iterations)
         return code, iterations, moved, turned, foreseen, q_new, F_new
+
+    def _follow(self, distance: float, change: np.ndarray) -> None:
+        """Add a step of `distance`, L, to the `PathError`, in which the end force changed by (3,)."""
+        if self.model != COULOMB or not self.frictional:
+            self.followed = NONE
+        elif distance > 0.0 and self.lies and not self.creeps:
+            self.followed = self.followed.after_step(distance, change)
+
+    def path_error(self, F: np.ndarray) -> float:
+        return self.followed.error / max(float(np.linalg.norm(F)), 1e-3)
 
     def _set_bedding(self, distance: float) -> None:
         """Let what sticks along a patch yield in proportion to a short step, by its length, L.

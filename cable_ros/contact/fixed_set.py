@@ -17,6 +17,7 @@ from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
 from cable_ros.contact.gap_search import dips, scan
 from cable_ros.contact.meshing import suited
+from cable_ros.contact.path_error import NONE
 from cable_ros.contact.points import (
     ARC_LENGTH,
     ARM,
@@ -103,6 +104,7 @@ class FixedSetRod(Rod):
         self._remeshing = Backoff(LONGEST_STAY)
         self.seen: list[np.ndarray] | None = None  # states that a search with several starts has found
         self.direction, self.presliding = np.zeros(3), 0.0  # see `contact_state.History`
+        self.followed = NONE  # the path so far, see `PathError`
         self.bedding = self.softest_bedding = BEDDING / tolerance
         self.drag = 0.0  # see `contact_state.Options`
         self.points = np.zeros((CAPACITY, COLUMNS))

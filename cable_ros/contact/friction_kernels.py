@@ -32,6 +32,9 @@ DIRECTION, ACROSS, STIFFNESS, TANGENT = 0, 3, 6, 7
 and their number."""
 ROUNDING = 1e-10
 """Fraction of the cone by which friction must leave its edge to change from stick to slip or back."""
+LEAD, STRAIGHT = 0.5, 8
+"""How far slip turns on in a step beyond its mean direction, over the turn from the friction before; and
+the power of that turn's cosine with which this fades: to nothing at 60 degrees."""
 FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
 """Models: none; with a history; as (53) of Liu et al. (2018), against the motion of the end."""
 AT_REST = 1e-6
@@ -142,13 +145,40 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
         return slips or points[i, STICK_ROW] == 0.0
     for a in range(3):
         limit[DIRECTION + a] = trial[a] / size
+    ahead = 1.0 if initial or points[i, KIND] != POINT else lead(limit[DIRECTION:ACROSS], turned, n, cone)
+    for a in range(3):
         points[i, FRICTION + a] = cone * limit[DIRECTION + a]
     d0, d1, d2 = limit[DIRECTION], limit[DIRECTION + 1], limit[DIRECTION + 2]
     limit[ACROSS] = n[1] * d2 - n[2] * d1
     limit[ACROSS + 1] = n[2] * d0 - n[0] * d2
     limit[ACROSS + 2] = n[0] * d1 - n[1] * d0
-    limit[STIFFNESS] = stiffness * cone / size
+    limit[STIFFNESS] = ahead * stiffness * cone / size
     return not slips
+
+
+@njit(**LEAF)
+def lead(direction, before, n, cone):
+    """Turn the mean direction of friction in a step, (3,), on to that at its end; by how much more it turns.
+
+    The increment tells the mean, from which the friction `before`, (3,), was on the other side: half as far
+    again leaves a sixth of a step's turn where it was half of one. Not where the way has a corner.
+    """
+    off, size, along, norm = 0.0, 0.0, 0.0, 0.0
+    for a in range(3):
+        off += before[a] * n[a]
+    for a in range(3):
+        size += (before[a] - off * n[a]) ** 2
+    size = max(np.sqrt(size), cone)
+    for a in range(3):
+        along += direction[a] * before[a] / size
+    part = LEAD * max(along, 0.0) ** STRAIGHT
+    for a in range(3):
+        direction[a] = (1.0 + part) * direction[a] - part * (before[a] - off * n[a]) / size
+        norm += direction[a] * direction[a]
+    norm = np.sqrt(norm)
+    for a in range(3):
+        direction[a] /= norm
+    return (1.0 + part) / norm
 
 
 @njit(**LEAF_ENTRY)

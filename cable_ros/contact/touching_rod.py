@@ -70,6 +70,7 @@ class TouchingRod(ActiveSetRod):
         new.yield_at_end(self.end_compliance * scale)
         new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
         new.points[:, FORCE : BEFORE + 3] /= scale
+        new.followed = self.followed.in_units(scale)
         if mesh is not None:
             new.points[:, INTERFACE] = -1.0
             new._resample()
@@ -251,6 +252,7 @@ class TouchingRod(ActiveSetRod):
         self._allocate(Mesh(other.mesh.element, other.h.copy()))
         self.points[:], self.normals[:], self.count = other.points, other.normals, other.count
         self.points[:, FORCE : BEFORE + 3] /= scale
+        self.followed = other.followed.in_units(scale)
         self.points[:, INTERFACE] = -1.0
         self.model, self.direction, self.forgot = other.model, other.direction, other.forgot
         self._resample()

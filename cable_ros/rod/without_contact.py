@@ -143,6 +143,10 @@ class WithoutContact:
         """What friction adds to `relative_error`; see `FixedSetRod`."""
         return 0.0
 
+    def path_error(self, F: np.ndarray) -> float:
+        """Estimated relative error of the end force F (3,), followed in steps; see `PathError`."""
+        return 0.0
+
     def contact_changed(self) -> bool:
         """Whether `friction_error` should be asked again; see `FixedSetRod`."""
         return False
