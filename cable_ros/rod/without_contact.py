@@ -144,7 +144,7 @@ class WithoutContact:
         return 0.0
 
     def path_error(self, F: np.ndarray) -> float:
-        """Estimated relative error of the end force F (3,), followed in steps; see `PathError`."""
+        """Estimated relative error of the end force F (3,) of a path followed in steps; see `PathError`."""
         return 0.0
 
     def contact_changed(self) -> bool:
