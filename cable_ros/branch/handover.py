@@ -341,6 +341,7 @@ class Rest:
             self._shapes = sorted(begins, key=rod.depth)[:TRIES]
         rod.work = LIMIT
         rests = rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None
+        rod.obstacles = there.obstacles  # as rough as they are, for the rod that follows it
         found = exact(rod, sought.tolerance, FRICTIONLESS, anywhere=True) if rests else None
         return found, LIMIT - rod.work
 

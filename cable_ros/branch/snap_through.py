@@ -65,7 +65,7 @@ class SnapThrough:
     jumped: bool
     """Whether it ended in another shape; if not, the branch continues there."""
     touched: bool
-    """Whether the cable touched something before, and friction was forgotten."""
+    """Whether the cable touched something with friction before, which was forgotten."""
     margin: float
     """Stability margin at the last equilibrium before."""
     to_fold: float
@@ -102,7 +102,7 @@ def snap_and_record(
     margin is known to be negative at the end of the step; `may_turn`: as in `continue_branch`.
     """
     at, margin = margins[-1]
-    touched = bool(rod.contact_force().any()) and not rod.remembers
+    touched = rod.frictional and bool(rod.contact_force().any()) and not rod.remembers
     shape, before = rod.mesh.interpolate(q, GRID), rod.snapshot()()
     energy, mode = rod.linearize(q, F)[0], rod.mode.copy()
     twist, end, found = float(rod.totals[TWIST]), min(1.0, at + AHEAD * step), None

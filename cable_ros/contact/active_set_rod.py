@@ -83,12 +83,14 @@ class ActiveSetRod(FixedSetRod):
     @property
     def frictional(self) -> bool:  # type: ignore[override]
         """Whether it touches something with friction."""
-        return self.model != FRICTIONLESS and self.count > 0
+        return self.model != FRICTIONLESS and bool(self._on_rough().any())
 
     @property
     def lies(self) -> bool:  # type: ignore[override]
         """Whether it lies along an obstacle with friction."""
-        return self.model == COULOMB and bool((self.points[: self.count, KIND] != POINT).any())
+        if self.model != COULOMB or not self.has_patch:
+            return False
+        return bool((self._on_rough() & (self.points[: self.count, KIND] != POINT)).any())
 
     @property
     def all_slip(self) -> bool:  # type: ignore[override]
@@ -109,6 +111,13 @@ class ActiveSetRod(FixedSetRod):
         if self.model == FRICTIONLESS:
             return CONTACT_STEP
         return LYING_STEP if self.lies and not self.creeps else FRICTION_STEP
+
+    def _on_rough(self) -> np.ndarray:
+        """(count,) which contact points are on an obstacle with friction, whether they press or not."""
+        if self.obstacles is None:
+            return np.zeros(0, bool)
+        which = self.points[: self.count, OBSTACLE].astype(int)
+        return np.asarray(self.obstacles[which, FRICTION_COEFFICIENT] > 0.0)
 
     def use_friction(self, model: int) -> None:
         if self.model != model:

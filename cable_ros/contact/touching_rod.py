@@ -99,7 +99,7 @@ class TouchingRod(ActiveSetRod):
                 known = self._from_contacts(q, F, options.step_tolerance)
             if known is not None:
                 return known
-            self.forgot = self.forgot or self.model == COULOMB
+            self.forgot = self.forgot or (self.model == COULOMB and self.frictional)
             near = replace(options, iterations=min(options.iterations, MOST_NEAR))
             kept, mesh = self.state(), self.mesh
             found = descend(self, q, F, near, NEAR)
