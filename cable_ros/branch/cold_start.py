@@ -27,7 +27,7 @@ AIM, ACCEPT = 0.1, 0.45
 """Fractions of the tolerance: the error that a new mesh aims at, and the largest of a mesh that is kept."""
 LENIENT = 1.6
 """Maximum misfit between contacts and elements of a mesh that is kept, over that of a new one; see
-`FixedSetRod.unresolved`."""
+`ConstrainedRod.unresolved`."""
 TAUT = 0.999
 """Minimum chord, L, at which the search for an extensible cable begins with the straight shape."""
 SEARCH = 1e-2

@@ -3,21 +3,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.edges import across_edges
-from cable_ros.contact.fixed_set import FixedSetRod
-from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, slip_change
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
+from cable_ros.contact.frictional_rod import FrictionalRod
 from cable_ros.contact.meshing import fitted, layered
 from cable_ros.contact.newton import active_set_newton
 from cable_ros.contact.patches import resample
-from cable_ros.contact.path_error import NONE
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -27,22 +24,10 @@ from cable_ros.contact.points import (
     KIND,
     OBSTACLE,
     POINT,
-    SLIPS,
 )
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.travel import (
-    AXIAL,
-    CONTACT_STEP,
-    FORCE_CHANGE,
-    FRICTION_STEP,
-    LYING_CHANGE,
-    LYING_STEP,
-    POINTS_CHANGE,
     SHORTER,
-    TAUT,
-    TAUT_CHANGE,
-    TAUT_FORCE_CHANGE,
-    stride,
     travel,
 )
 from cable_ros.rod import quaternion, warm_step
@@ -62,10 +47,6 @@ LEAST_SOFT = 1e-6
 """Least presliding, L, from which what sticks is made firmer where nothing moves."""
 LANDED_AT_ONCE = 1e-4
 """Length of a step, L, above which nothing may come down in one that has to begin with a soft stick."""
-NEAR_LIMIT = 0.9
-"""Least friction, over the largest possible, of what may go on slipping on another mesh: pressures change."""
-SHORT_STEP = 1e-3
-"""Length of a step, L, below which what sticks along a patch is firmer."""
 MANY, PLANAR, OUT = 8, 1e-8, 1e-3
 """Number of iterations in which rounding may lead out of a plane, what a planar shape is out of it by, and
 what shows that it has left it: half the turn of a section, rad."""
@@ -75,53 +56,14 @@ DENSE = 45.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
 
-class ActiveSetRod(FixedSetRod):
+class ActiveSetRod(FrictionalRod):
     """A rod whose contact points belong to its last equilibrium: `step_in_contact` changes them, together
     with the lengths of the elements, and puts them back if it fails.
     """
 
     @property
-    def frictional(self) -> bool:  # type: ignore[override]
-        """Whether it touches something with friction."""
-        return self.model != FRICTIONLESS and bool(self._on_rough().any())
-
-    @property
-    def lies(self) -> bool:  # type: ignore[override]
-        """Whether it lies along an obstacle with friction."""
-        if self.model != COULOMB or not self.has_patch:
-            return False
-        return bool((self._on_rough() & (self.points[: self.count, KIND] != POINT)).any())
-
-    @property
-    def all_slip(self) -> bool:  # type: ignore[override]
-        points = self.points[: self.count]
-        return bool((points[:, SLIPS] == 1.0).all() and (points[:, KIND] == POINT).all())
-
-    @property
-    def replaceable(self) -> bool:  # type: ignore[override]
-        """Whether a grid can take its place: not with mobilised friction, which a grid does not have."""
-        return self.model != SLIDING
-
-    @property
     def adapts_mesh(self) -> bool:  # type: ignore[override]
         return self.count > 0
-
-    @property
-    def longest_step(self) -> float:  # type: ignore[override]
-        if self.model == FRICTIONLESS:
-            return CONTACT_STEP
-        return LYING_STEP if self.lies and not self.creeps else FRICTION_STEP
-
-    def _on_rough(self) -> np.ndarray:
-        """(count,) which contact points are on an obstacle with friction, whether they press or not."""
-        if self.obstacles is None:
-            return np.zeros(0, bool)
-        which = self.points[: self.count, OBSTACLE].astype(int)
-        return np.asarray(self.obstacles[which, FRICTION_COEFFICIENT] > 0.0)
-
-    def use_friction(self, model: int) -> None:
-        if self.model != model:
-            self.model, self.ready = model, False
 
     def loaded_contacts(self, q: np.ndarray) -> Callable[[], LoadedContacts] | None:
         if not self.count or self.obstacles is None:
@@ -275,27 +217,6 @@ class ActiveSetRod(FixedSetRod):
         self.count = resample(self.points, self.count, self.h, self.s0)
         self._slip_on(before)
 
-    def _slip_on(self, before: np.ndarray) -> None:
-        """Let slip, for the next step, what slipped `before` (k, COLUMNS) and is still near its limit.
-
-        A solve in which nothing moves takes almost all of it to stick, by rounding. From there the next step
-        does not find back if a patch slips.
-        """
-        points = self.points[: self.count]
-        if self.model != COULOMB or self.creeps or not len(before) or not len(points):
-            return
-        assert self.obstacles is not None
-        away = np.abs(points[:, None, ARC_LENGTH] - before[None, :, ARC_LENGTH])
-        away[points[:, None, OBSTACLE] != before[None, :, OBSTACLE]] = np.inf
-        nearest = away.argmin(axis=1)
-        slipped = (before[nearest, SLIPS] == 1.0) & (before[nearest, OBSTACLE] == points[:, OBSTACLE])
-        friction = np.linalg.norm(points[:, FRICTION:BEFORE], axis=1)
-        cone = self.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT] * points[:, FORCE]
-        begins = slipped & (points[:, SLIPS] == 0.0) & (cone > 0.0) & (friction > NEAR_LIMIT * cone)
-        if begins.any():
-            points[begins, SLIPS] = 1.0
-            self.ready = False  # the factors are those of what sticks
-
     def step_in_contact(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True,
@@ -331,15 +252,7 @@ class ActiveSetRod(FixedSetRod):
         self.then = SAME
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
-            force = float(np.linalg.norm(F_new))
-            slack = force < TAUT and not self.creeps  # near taut its force changes in any step
-            most = (LYING_CHANGE if slack else TAUT_CHANGE) if self.has_patch else POINTS_CHANGE
-            self.stride = stride(self._friction_change(q_new, F_new, obstacles, most), most)
-            begins = self.count > kept[1]  # what has come down slips the way that it did in all of the step
-            if begins or (self.has_patch and slack):
-                larger = max(float(np.linalg.norm(F)), force, 1e-300)
-                change = float(np.linalg.norm(F_new - F)) / larger
-                self.stride = min(self.stride, stride(change, FORCE_CHANGE if slack else TAUT_FORCE_CHANGE))
+            self.stride = self._friction_stride(F, q_new, F_new, obstacles, self.count > kept[1])
             farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
             if not self.trial and (leaps or (self.stride < SHORTER and distance > SHORTEST_STEP)):
@@ -421,51 +334,9 @@ class ActiveSetRod(FixedSetRod):
         self.spend(iterations)
         return code, iterations, moved, turned, foreseen, q_new, F_new
 
-    def _follow(self, distance: float, change: np.ndarray) -> None:
-        """Add a step of `distance`, L, to the `PathError`, in which the end force changed by (3,)."""
-        if self.model != COULOMB or not self.frictional:
-            self.followed = NONE
-        elif distance > 0.0 and self.lies and not self.creeps:
-            self.followed = self.followed.after_step(distance, change)
-
-    def path_error(self, F: np.ndarray) -> float:
-        return self.followed.error / max(float(np.linalg.norm(F)), 1e-3)
-
-    def _set_bedding(self, distance: float) -> None:
-        """Let what sticks along a patch yield in proportion to a short step, by its length, L.
-
-        A cable that is laid flat moves ever less along itself; where it yielded as much, 5 % of its end force
-        was missing.
-        """
-        if distance == 0.0 or self.creeps:
-            return
-        firmer = max(1.0, SHORT_STEP / distance)
-        bedding = self.softest_bedding * 4.0 ** round(math.log(firmer, 4.0))
-        if bedding != self.bedding:
-            self.bedding, self.ready = bedding, False
-
     def touched(self) -> tuple[np.ndarray, np.ndarray]:
         """Obstacles (k,) of the contact points, and normals (k, 3) there."""
         return self.points[: self.count, OBSTACLE].copy(), self.normals[: self.count].copy()
-
-    def _rotated(self, q: np.ndarray, q_new: np.ndarray) -> float:
-        """Largest rotation of a section, rad, from q to q_new, (n, 4), whose nodes have moved along."""
-        before = self.mesh.interpolate(q, Mesh(self.mesh.element, self.h.copy()).nodes)
-        return quaternion.largest_rotation(before, q_new)
-
-    def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray, most: float) -> float:
-        """Relative change, in a step to q, of the friction of what slips; 0 if it is below `most` anyway."""
-        change, possible = slip_change(self.points, self.count, obstacles)
-        possible = max(possible, math.sqrt(F.dot(F)))
-        if change <= SHORTER * most * possible:
-            return 0.0
-        points = self.points[: self.count]
-        slips = points[points[:, SLIPS] == 1.0]
-        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
-        changes = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
-        across = np.linalg.norm(np.cross(along, changes), axis=1).sum()
-        axial = 0.0 if self.has_patch else AXIAL * np.abs(np.sum(along * changes, axis=1)).sum()
-        return float(across + axial) / possible
 
     def _reverse(
         self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
-from cable_ros.contact.fixed_set import ROWS
+from cable_ros.contact.constrained_rod import ROWS
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.gap_search import passed
 from cable_ros.contact.penalty_continuation import descend, descend_instead

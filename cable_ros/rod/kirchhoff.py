@@ -126,7 +126,7 @@ class Rod(WithoutContact):
         return self.g[-1]
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
-        """(m,) which elements are too long for contact, see `FixedSetRod`."""
+        """(m,) which elements are too long for contact, see `ConstrainedRod`."""
         return np.zeros(len(self.h), bool)
 
     def suited(self, mesh: Mesh) -> Mesh:

@@ -13,7 +13,7 @@ from cable_ros import Tracker
 from cable_ros.bench.cases import Pose, case_scene
 from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.branch import handover
-from cable_ros.contact import active_set_rod, nodal_rod, nodal_solver
+from cable_ros.contact import frictional_rod, nodal_rod, nodal_solver
 from cable_ros.contact.nodal_kernels import COMPLIANCE
 from cable_ros.contact.nodal_rod import NodalRod
 
@@ -68,7 +68,7 @@ def test_it_lies_the_same_however_the_path_is_told(on_grid: bool, monkeypatch: p
         # on a grid all the way there, 16 times as many poses and ever smaller ones are 2.2 % apart
         assert np.linalg.norm(a - b) < (0.025 if on_grid else 0.01) * size, (one, other, forces)
     if not on_grid:
-        monkeypatch.setattr(active_set_rod, "SHORT_STEP", 0.0)
+        monkeypatch.setattr(frictional_rod, "SHORT_STEP", 0.0)
         yielding = end_force(PATHS["ever smaller"], on_grid)
         assert np.linalg.norm(yielding - forces["ever smaller"]) > 0.03 * size
         return
@@ -95,5 +95,5 @@ def test_what_comes_down_at_the_last_pose_slips_as_it_did_there(monkeypatch: pyt
     size = float(np.linalg.norm(exact[:3]))
     for parts in (1, 4):
         assert np.linalg.norm((home(parts) - exact)[:3]) < 0.01 * size
-    monkeypatch.setattr(active_set_rod, "FORCE_CHANGE", np.inf)
+    monkeypatch.setattr(frictional_rod, "FORCE_CHANGE", np.inf)
     assert np.linalg.norm((home(1) - exact)[:3]) > 0.015 * size

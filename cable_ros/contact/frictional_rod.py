@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a rod with contact points remembers of friction from step to step, and how far friction lets it go."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
+from cable_ros.contact.fixed_set import FixedSetRod
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, slip_change
+from cable_ros.contact.path_error import NONE
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    BEFORE,
+    FORCE,
+    FRICTION,
+    KIND,
+    OBSTACLE,
+    POINT,
+    SLIPS,
+)
+from cable_ros.contact.travel import (
+    AXIAL,
+    CONTACT_STEP,
+    FORCE_CHANGE,
+    FRICTION_STEP,
+    LYING_CHANGE,
+    LYING_STEP,
+    POINTS_CHANGE,
+    SHORTER,
+    TAUT,
+    TAUT_CHANGE,
+    TAUT_FORCE_CHANGE,
+    stride,
+)
+from cable_ros.rod import quaternion
+from cable_ros.rod.elements import Mesh
+
+NEAR_LIMIT = 0.9
+"""Least friction, over the largest possible, of what may go on slipping on another mesh: pressures change."""
+SHORT_STEP = 1e-3
+"""Length of a step, L, below which what sticks along a patch is firmer."""
+
+
+class FrictionalRod(FixedSetRod):
+    """A `FixedSetRod` whose contact points are those of a step with friction."""
+
+    @property
+    def frictional(self) -> bool:  # type: ignore[override]
+        """Whether it touches something with friction."""
+        return self.model != FRICTIONLESS and bool(self._on_rough().any())
+
+    @property
+    def lies(self) -> bool:  # type: ignore[override]
+        """Whether it lies along an obstacle with friction."""
+        if self.model != COULOMB or not self.has_patch:
+            return False
+        return bool((self._on_rough() & (self.points[: self.count, KIND] != POINT)).any())
+
+    @property
+    def all_slip(self) -> bool:  # type: ignore[override]
+        points = self.points[: self.count]
+        return bool((points[:, SLIPS] == 1.0).all() and (points[:, KIND] == POINT).all())
+
+    @property
+    def replaceable(self) -> bool:  # type: ignore[override]
+        """Whether a grid can take its place: not with mobilised friction, which a grid does not have."""
+        return self.model != SLIDING
+
+    @property
+    def longest_step(self) -> float:  # type: ignore[override]
+        if self.model == FRICTIONLESS:
+            return CONTACT_STEP
+        return LYING_STEP if self.lies and not self.creeps else FRICTION_STEP
+
+    def use_friction(self, model: int) -> None:
+        if self.model != model:
+            self.model, self.ready = model, False
+
+    def _slip_on(self, before: np.ndarray) -> None:
+        """Let slip, for the next step, what slipped `before` (k, COLUMNS) and is still near its limit.
+
+        A solve in which nothing moves takes almost all of it to stick, by rounding. From there the next step
+        does not find back if a patch slips.
+        """
+        points = self.points[: self.count]
+        if self.model != COULOMB or self.creeps or not len(before) or not len(points):
+            return
+        assert self.obstacles is not None
+        away = np.abs(points[:, None, ARC_LENGTH] - before[None, :, ARC_LENGTH])
+        away[points[:, None, OBSTACLE] != before[None, :, OBSTACLE]] = np.inf
+        nearest = away.argmin(axis=1)
+        slipped = (before[nearest, SLIPS] == 1.0) & (before[nearest, OBSTACLE] == points[:, OBSTACLE])
+        friction = np.linalg.norm(points[:, FRICTION:BEFORE], axis=1)
+        cone = self.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT] * points[:, FORCE]
+        begins = slipped & (points[:, SLIPS] == 0.0) & (cone > 0.0) & (friction > NEAR_LIMIT * cone)
+        if begins.any():
+            points[begins, SLIPS] = 1.0
+            self.ready = False  # the factors are those of what sticks
+
+    def _follow(self, distance: float, change: np.ndarray) -> None:
+        """Add a step of `distance`, L, to the `PathError`, in which the end force changed by (3,)."""
+        if self.model != COULOMB or not self.frictional:
+            self.followed = NONE
+        elif distance > 0.0 and self.lies and not self.creeps:
+            self.followed = self.followed.after_step(distance, change)
+
+    def path_error(self, F: np.ndarray) -> float:
+        return self.followed.error / max(float(np.linalg.norm(F)), 1e-3)
+
+    def _set_bedding(self, distance: float) -> None:
+        """Let what sticks along a patch yield in proportion to a short step, by its length, L.
+
+        A cable that is laid flat moves ever less along itself; where it yielded as much, 5 % of its end force
+        was missing.
+        """
+        if distance == 0.0 or self.creeps:
+            return
+        firmer = max(1.0, SHORT_STEP / distance)
+        bedding = self.softest_bedding * 4.0 ** round(math.log(firmer, 4.0))
+        if bedding != self.bedding:
+            self.bedding, self.ready = bedding, False
+
+    def _rotated(self, q: np.ndarray, q_new: np.ndarray) -> float:
+        """Largest rotation of a section, rad, from q to q_new, (n, 4), whose nodes have moved along."""
+        before = self.mesh.interpolate(q, Mesh(self.mesh.element, self.h.copy()).nodes)
+        return quaternion.largest_rotation(before, q_new)
+
+    def _friction_stride(
+        self, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray, landed: bool
+    ) -> float:
+        """By how much the next step may be longer than one that ended at (q_new, F_new); see `travel.stride`.
+
+        Args:
+            F, q_new, F_new: the end force (3,) before, the new shape (n, 4) and end force.
+            obstacles: as in `distance.gap`.
+            landed: whether something has come down, which slips the way that it did in all of the step.
+        """
+        force = float(np.linalg.norm(F_new))
+        slack = force < TAUT and not self.creeps  # near taut its force changes in any step
+        most = (LYING_CHANGE if slack else TAUT_CHANGE) if self.has_patch else POINTS_CHANGE
+        longest = stride(self._friction_change(q_new, F_new, obstacles, most), most)
+        if landed or (self.has_patch and slack):
+            larger = max(float(np.linalg.norm(F)), force, 1e-300)
+            change = float(np.linalg.norm(F_new - F)) / larger
+            longest = min(longest, stride(change, FORCE_CHANGE if slack else TAUT_FORCE_CHANGE))
+        return longest
+
+    def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray, most: float) -> float:
+        """Relative change, in a step to q, of the friction of what slips; 0 if it is below `most` anyway."""
+        change, possible = slip_change(self.points, self.count, obstacles)
+        possible = max(possible, math.sqrt(F.dot(F)))
+        if change <= SHORTER * most * possible:
+            return 0.0
+        points = self.points[: self.count]
+        slips = points[points[:, SLIPS] == 1.0]
+        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
+        changes = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
+        across = np.linalg.norm(np.cross(along, changes), axis=1).sum()
+        axial = 0.0 if self.has_patch else AXIAL * np.abs(np.sum(along * changes, axis=1)).sum()
+        return float(across + axial) / possible
