@@ -175,6 +175,24 @@ def test_the_side_of_a_fork_is_told_and_does_not_depend_on_the_steps() -> None:
     assert abs(ends[0][1]) > 5e-3 * np.abs(ends[0]).max()
 
 
+def test_one_of_two_legs_leaves_a_bar_which_does_not_depend_on_the_steps() -> None:
+    """A bar between the legs of a loop goes down: either leg may leave it. A descent of the energy chose."""
+    case, ends = drawn_case(140, 20, 1e-4), []
+    for count in (1, 3, 16):
+        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+        found = [tracker.arrive(dict(pose))["cable"] for pose in refined(case.path[:6], count)]
+        assert {one.status for one in found} == {Status.CONVERGED}
+        (forked,) = [i for i, one in enumerate(found) if "forked" in one.message]
+        assert 4.0 < forked / count <= 5.0
+        both = sorted(contact.arc_length for contact in found[forked - 1].contacts)
+        assert len(both) == 3
+        assert both[0] + both[2] == pytest.approx(1.0, abs=1e-6)
+        assert len(found[forked].contacts) == 2
+        ends.append(found[-1].end_wrench)
+    for end in ends:
+        assert end == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+
+
 def test_a_cable_that_falls_off_a_ball_falls_to_the_side_that_it_would_fork_to() -> None:
     """A ball is pushed up under a planar cable: told in few poses it falls aside, in more it forks.
 

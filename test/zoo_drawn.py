@@ -224,6 +224,8 @@ FOUND = {
     (117, 7): "in a rough corner: a contact all but flat slides, and begins to lie",
     (117, 15): "along a rough edge: in short steps it needs no grid",
     (117, 98): "over rough beams: the cable slides off ever faster, and falls",
+    (140, 20): "a bar between the legs of a loop goes down: either leg may leave it",
+    (140, 50): "a lift laid flat, and left there: what stands still sticks or slips by rounding",
     (93, 16): "a contact on a tray that sticks as the path goes on",
     (93, 46): "over a rough edge along itself, on a grid",
     (94, 0): "a tray, along: a grid's error is small enough",

@@ -98,6 +98,8 @@ class Continuation:
     """The rod at the end: the first one, or its `fallback`."""
     step: float
     """The step that it would try next, fraction of the path."""
+    fork: float | None = None
+    """Fraction of the path at the end of the last step in which a rule told mirror images apart."""
 
 
 def continue_branch(
@@ -132,9 +134,11 @@ def continue_branch(
     forces: list[tuple[float, float]] = [(at, _norm(F))]  # of the last two equilibria, and their end forces
     taut, in_a_row, falls = False, 0, 0
     given = last = rod.work  # at the start, and after the last step
+    fork: float | None = None
+    rod.forked = False
 
     def ended(end: End) -> Continuation:
-        return Continuation(end, at, q, F, iterations, tuple(snaps), rod, step)
+        return Continuation(end, at, q, F, iterations, tuple(snaps), rod, step, fork)
 
     while at < 1.0:
         if rod.work <= 0.0:
@@ -157,6 +161,7 @@ def continue_branch(
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
         if code == warm_step.ADVANCED:
             at, q, F, last = target, q_new, F_new, rod.work
+            fork, rod.forked = (at if rod.forked else fork), False
             forces, taut = [forces[-1], (at, _norm(F))], False
             in_a_row += 1
             grows = count <= rod.few or in_a_row >= IN_A_ROW

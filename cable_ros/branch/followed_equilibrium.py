@@ -98,7 +98,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
             target_twist = self._target_twist if self._twist is None else self._twist
             return self._cold(kinematics, joints, poses, begin, target_twist)
         rod.work = self._budget
-        rod.patience, rod.short = PATIENCE, False
+        rod.patience, rod.short, rod.forked = PATIENCE, False, False
         if self._share < 1.0 or _largest_difference(joints, self._joints) > LONGEST:
             return self._continue_to(kinematics, index, joints, poses, begin)
         qe, re, f, obstacles, far, room = self._destination(kinematics, joints, poses, rod)
@@ -113,6 +113,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
         rod.note_step(code, iterations, far)
         if code == warm_step.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
+            if rod.forked:
+                self._record, rod.forked = self._record.after_fork(1.0), False
             if before is not None:
                 self._add_motion(before, True, partial(self._free_twist, kinematics, index))
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
@@ -257,6 +259,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
         # continue from where it ended, maybe on another rod
         reached = joints if result.end is End.ARRIVED else origin + result.at * (joints - origin)
         self._q, self._F, self._joints = result.q, result.F, reached
+        if result.fork is not None:
+            self._record = self._record.after_fork(result.fork)
         self._record_snaps(result.snaps)
         slow = rod.on_grid or rod.lies
         least = PROGRESS_LYING if slow else PROGRESS

@@ -22,8 +22,10 @@ from cable_ros.contact.points import (
     FRICTION,
     INTERFACE,
     KIND,
+    NUMBER,
     OBSTACLE,
     POINT,
+    SPARED,
 )
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.travel import (
@@ -250,6 +252,7 @@ class ActiveSetRod(FrictionalRod):
                 found = (warm_step.NOT_CONTRACTING, *found[1:])  # in which order it lands matters
         code, iterations, moved, turned, foreseen, q_new, F_new = found
         self.then = SAME
+        forked = self.count < kept[1] and self._holds_alone()
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
             self.stride = self._friction_stride(F, q_new, F_new, obstacles, self.count > kept[1])
@@ -276,6 +279,7 @@ class ActiveSetRod(FrictionalRod):
         followed = self.followed
         self.set_conditions(qe, re, f, obstacles)
         self._follow(distance, F_new - F)
+        self.forked = self.forked or forked
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         if moved and remesh and (sunk or not self._remeshing.waits):
@@ -301,6 +305,11 @@ class ActiveSetRod(FrictionalRod):
             return code, iterations, q_new, F_new
         self.settled = q_new
         return code, iterations, q_new, F_new
+
+    def _holds_alone(self) -> bool:
+        """Whether the last solve dropped one of two mirror images, and the other one holds the cable."""
+        points = self.points[: self.count]
+        return bool(((points[:, NUMBER] == SPARED) & (points[:, FORCE] > 0.0)).any())
 
     def _newton(
         self, q: np.ndarray, F: np.ndarray, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...],

@@ -29,6 +29,7 @@ from cable_ros.contact.points import (
     POINT,
     SAMPLE,
     SHIFT,
+    SPARED,
     SWINGS,
     add,
     remove,
@@ -54,6 +55,8 @@ share its force is told by less than what counts as a depth elsewhere."""
 OWN = 4.0
 """Distance of a minimum from a point that holds a cable more curved than the surface, in halves of the patch
 that this becomes, within which it is the point's: that is at 2."""
+ALIKE = 1e-6
+"""Relative difference of two points' forces that may be rounding."""
 LONG = 4.0
 """Length inside an obstacle, in spacings, above which contact is a patch, not a point."""
 
@@ -169,13 +172,11 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
     _, c, (h, s0, _) = shape
     spacing = 1.0 / (samples.shape[0] - 1)
     changed = False
-    i = 0
-    while i < count:
-        if points[i, KIND] == POINT and points[i, FORCE] < 0.0:
+    leaves = leaving(points, count)
+    for i in range(count - 1, -1, -1):
+        if leaves[i]:
             count = remove(points, count, i)
             changed = True
-        else:
-            i += 1
     settled, left, count = settle(c, h, s0, points, count, spacing, obstacles, depth)
     if left:  # how the cable dips beside the clamp that pulls it off says nothing of where it lies
         return True, count
@@ -252,6 +253,26 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                     count = add(points, count, o, s, POINT)
             changed = True
     return changed, count
+
+
+@njit(**INNER)
+def leaving(points, count):
+    """(count,) which points are dropped, as they pull: of those that pull alike the one nearest to the start.
+
+    Where another one of them can hold the cable, which is then one of two mirror images, rounding does not
+    choose. The others are marked, see SPARED.
+
+    `points`, `count`: as in `release`.
+    """
+    out = np.zeros(count, np.bool_)
+    for i in range(count):
+        pull = -points[i, FORCE]
+        out[i] = points[i, KIND] == POINT and pull > 0.0
+        for k in range(count):
+            nearer = points[k, KIND] == POINT and points[k, ARC_LENGTH] < points[i, ARC_LENGTH]
+            if out[i] and nearer and abs(points[k, FORCE] + pull) <= ALIKE * pull:
+                out[i], points[i, NUMBER] = False, SPARED
+    return out
 
 
 @njit(**INNER)

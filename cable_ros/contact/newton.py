@@ -19,7 +19,6 @@ from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
-    FIRST,
     FORCE,
     FRICTION,
     KIND,
@@ -63,6 +62,8 @@ FIRM = 0.5
 DIRECTED, SWINGS_ON, ROUNDS = 30.0, 0.5, 5
 """Maximum error of a point's friction, over that of the end force; what is left of it after an iteration, as
 the direction of a short slip follows the shape late; and how often more iterations are made for it."""
+STILL = 1e-11
+"""Rotations in an iteration, rad, below which points may go on changing between stick and slip."""
 ROUNDING = 10.0
 """Steps that stagnate below this multiple of the tolerance are rounding error."""
 MOST_IN_ALL, MOST_FROM_SOFT = 75, 120
@@ -163,7 +164,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             points[i, BEFORE + a] = points[i, FRICTION + a]
         points[i, SWINGS] = 0.0
         points[i, WAS] = points[i, ARC_LENGTH] if points[i, KIND] == POINT else 0.0
-        if points[i, KIND] >= FIRST:
+        if points[i, KIND] != SAMPLE:
             points[i, NUMBER] = 0.0
         if softest > 0.0:
             points[i, SLIPS] = 0.0
@@ -257,7 +258,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 # the constraint rows may hold the direction of friction too stiffly
                 trusted = rate if steady or full else max(rate, 0.5)
                 enough = tolerance if presliding <= options.presliding else max(LOOSE, tolerance)
-                if changes == 0 and (step * trusted <= enough or step < 1e-13):
+                # where all but nothing moves, rounding tells what sticks and what slips
+                settled = changes == 0 or (changes == flips and turned < STILL)
+                if settled and (step * trusted <= enough or step < 1e-13):
                     converged = True
                     break
                 stagnates = same and steady and changes == 0 and iteration > 4 and step > 0.9 * size

@@ -20,18 +20,21 @@ ARM, HOLD, GIVEN, TARGET, SPRING, WAS, COLUMNS = 22, 25, 26, 29, 32, 33, 34
 """Columns of the contact points (CAPACITY, COLUMNS): obstacle, arc length, kind, normal force, friction (3),
 the friction of the last equilibrium (3), the boundary between elements that goes with the point (-1: none),
 the length of cable that a sample stands for, the number of a sample along the cable (of an end: how often a
-solve has moved it out), the constraint row of the gap's slope at a point or an end of a patch, 1 for what
-slips, the first of the two constraint rows of what sticks, that of what slips (each 0: none), how far a point
-or an end went in the last iteration, how far the obstacle goes there in the step (3), how often in a row a
-point went back by what it had come; then what holds a point at an arm, see `point_couples`: the arm along the
-section's axes (3; 0: nothing), the arc length, the given force (3), the place (3) and the stiffness of a
-spring; the arc length of a point at the last equilibrium (0: it is new); then the number of columns."""
+solve has moved it out; of a point: `SPARED` or 0), the constraint row of the gap's slope at a point or an end
+of a patch, 1 for what slips, the first of the two constraint rows of what sticks, that of what slips (each 0:
+none), how far a point or an end went in the last iteration, how far the obstacle goes there in the step (3),
+how often in a row a point went back by what it had come; then what holds a point at an arm, see
+`point_couples`: the arm along the section's axes (3; 0: nothing), the arc length, the given force (3), the
+place (3) and the stiffness of a spring; the arc length of a point at the last equilibrium (0: it is new);
+then the number of columns."""
 POINT, SAMPLE, FIRST, LAST = 0.0, 1.0, 2.0, 3.0
 """Kinds: a touching point, one of the samples of a contact patch, the touchdown and the lift-off point of a
 patch.
 
 A patch without its touchdown or lift-off point begins or ends at the clamp.
 """
+SPARED = -1.0
+"""NUMBER of a point that stays since a solve has dropped another one that pulled as much, see `leaving`."""
 YIELD = 1e-6
 """A sample that stands for the length l yields to the change of its force in an iteration by YIELD l^3 / EI:
 little beside what the cable does, but it tells apart forces that hardly bend it."""

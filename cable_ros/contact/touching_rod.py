@@ -18,6 +18,7 @@ from cable_ros.contact.meshing import CLOSEST
 from cable_ros.contact.patch_ends import join
 from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead, drops
 from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, INTERFACE, OBSTACLE
+from cable_ros.contact.travel import travel
 from cable_ros.contact.viscous_flow import flow
 from cable_ros.rod import warm_step
 from cable_ros.rod.centreline import position
@@ -27,6 +28,8 @@ from cable_ros.solve.trust_region import Options
 
 BETWEEN = 2.0
 """Largest motion between nodes over that of the nodes: the Lebesgue constant of order 6 is 1.9."""
+NOT_MOVED = 1e-10
+"""Length of a step, L, in which what slips along a patch only pauses."""
 MOST_NEAR = 50
 """Maximum number of iterations with stiff springs: a cable that snaps far needs fewer with soft ones."""
 
@@ -174,6 +177,8 @@ class TouchingRod(ActiveSetRod):
         if result[0] != warm_step.ADVANCED:
             return result
         if not self.passed_in_contact(q, F, *result[2:], mesh, there[3], held):
+            if self.lies and travel(there[0], there[1], there[3], qe, re, obstacles) < NOT_MOVED:
+                self._slip_on(known[0])  # it has only paused
             return result
         self.restore(known, mesh)
         self.set_conditions(*there)

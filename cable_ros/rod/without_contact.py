@@ -42,6 +42,10 @@ class WithoutContact:
     touches = False
     """Whether a contact is loaded."""
 
+    forked = False
+    """Whether in some step, until this is cleared, a rule told which of two points, mirror images of each
+    other, lets the cable go; see `detection.leaving`."""
+
     frictional = False
     """Whether it touches something with friction."""
 
