@@ -22,7 +22,6 @@ from cable_ros.contact.points import (
     SLIPS,
 )
 from cable_ros.contact.travel import (
-    AXIAL,
     CONTACT_STEP,
     FORCE_CHANGE,
     FRICTION_STEP,
@@ -40,6 +39,8 @@ from cable_ros.rod.elements import Mesh
 
 NEAR_LIMIT = 0.9
 """Least friction, over the largest possible, of what may go on slipping on another mesh: pressures change."""
+SLIPPED = 0.9
+"""Least friction before a step, over that after it, of a point that slipped then too, and has only turned."""
 SHORT_STEP = 1e-3
 """Length of a step, L, below which what sticks along a patch is firmer."""
 
@@ -149,15 +150,20 @@ class FrictionalRod(FixedSetRod):
         return longest
 
     def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray, most: float) -> float:
-        """Relative change, in a step to q, of the friction of what slips; 0 if it is below `most` anyway."""
+        """Relative change, in a step to q, of the friction of what slips; 0 if it is below `most` anyway.
+
+        At points alone, how friction turns; along a patch, how it changes across the cable.
+        """
         change, possible = slip_change(self.points, self.count, obstacles)
         possible = max(possible, math.sqrt(F.dot(F)))
         if change <= SHORTER * most * possible:
             return 0.0
         points = self.points[: self.count]
         slips = points[points[:, SLIPS] == 1.0]
-        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
-        changes = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
-        across = np.linalg.norm(np.cross(along, changes), axis=1).sum()
-        axial = 0.0 if self.has_patch else AXIAL * np.abs(np.sum(along * changes, axis=1)).sum()
-        return float(across + axial) / possible
+        now, before = slips[:, FRICTION:BEFORE], slips[:, BEFORE : BEFORE + 3]
+        if self.has_patch:
+            along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
+            return float(np.linalg.norm(np.cross(along, now - before), axis=1).sum()) / possible
+        size, was = np.linalg.norm(now, axis=1), np.linalg.norm(before, axis=1)
+        same = np.where(was > SLIPPED * size, size / np.maximum(was, 1e-300), 1.0)
+        return float(np.linalg.norm(now - same[:, None] * before, axis=1).sum()) / possible

@@ -17,7 +17,8 @@ hoses were half as far off again."""
 POINTS_CHANGE, LYING_CHANGE = 0.03, 0.06
 """Maximum change in a step of the friction of what slips, relative to all possible friction, where the cable
 touches at points alone, and where it lies: within a step slip has one direction. With 0.08 and 0.24 wrenches
-differed by 1 to 2 % from those of finer steps, with 0.04 at points one by 1.1 %."""
+differed by 1 to 2 % from those of finer steps, with 0.04 at points one by 1.1 %. Where turns along the cable
+counted for a quarter, a leg stuck in a corner beside one that slid was 6 % off, another one 32 %."""
 FORCE_CHANGE, TAUT_FORCE_CHANGE = 0.1, 0.3
 """Maximum relative change of the end force in a step where the cable lies, or contact begins; and in one in
 which that begins on a cable near TAUT. A hose whose end force falls to a third in 0.02 L was 10 % off in one
@@ -25,9 +26,6 @@ step, a lift drawn sideways and back 2.1 % with 0.2, a ball's first touch 3.4 % 
 TAUT, TAUT_CHANGE = 500.0, 0.12
 """Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle, and the limit of the
 change of friction where such a cable lies, instead of both: its force changes in ever shorter steps."""
-AXIAL = 0.25
-"""Weight of a change along the cable in that of points. Along itself a cable slips as a whole, in one
-direction; but where a point begins to slip, that turns. Where it lies, most of it sticks, and this is 0."""
 SHORTER = 0.8
 """Factor by which a step that must be shorter is made shorter still, so as not to fail twice."""
 
