@@ -13,6 +13,8 @@ from zoo_make import SKEW, cable
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.batch import solve_many
 from cable_ros.bench.carriage import on_carriage
+from cable_ros.bench.cases import case_scene
+from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.branch import followed_equilibrium
 from cable_ros.contact.active_set_rod import DENSE
 from cable_ros.contact.touching_rod import TouchingRod
@@ -167,3 +169,11 @@ def test_work_is_counted() -> None:
     assert found.iterations > 0
     each = rod.elastic.shape[0] + rod.rows**2 / DENSE
     assert followed_equilibrium.WORK - rod.work == pytest.approx(found.iterations * each, abs=1e-6)
+
+
+def test_a_step_that_uses_up_the_budget_does_not_lose_the_branch() -> None:
+    """A lift is laid flat in 160 poses: at the last one the first try alone costs more than a call may."""
+    case = drawn_case(141, 33, 1e-4)
+    tracker = Tracker(case_scene(case))
+    found = [tracker.arrive(dict(pose))["cable"] for pose in refined(case.path, 16)]
+    assert {one.status for one in found} == {Status.CONVERGED}

@@ -193,6 +193,21 @@ def test_one_of_two_legs_leaves_a_bar_which_does_not_depend_on_the_steps() -> No
         assert end == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
 
 
+def test_a_loop_leans_to_the_same_end_however_the_path_is_told() -> None:
+    """A loop over a bar, the same from both ends, begins to lean. One step of Newton's method chose where."""
+    case, ends = drawn_case(141, 54, 1e-4), []
+    for count in (1, 2, 3, 4, 7):
+        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+        found = [tracker.arrive(dict(pose))["cable"] for pose in refined(case.path[:22], count)]
+        told = [i for i, one in enumerate(found) if "to the side of two" in one.message]
+        assert [-(-i // count) for i in told] == [21]  # the pose that the given path has next
+        assert abs(found[told[0] - 1].total_twist) < 1e-3  # 0.3 as it leans
+        ends.append(found[-1].end_wrench)
+    for end in ends:
+        assert end == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+    assert abs(ends[0][1]) > 1.0  # N; 0 where it does not lean
+
+
 def test_a_cable_that_falls_off_a_ball_falls_to_the_side_that_it_would_fork_to() -> None:
     """A ball is pushed up under a planar cable: told in few poses it falls aside, in more it forks.
 

@@ -76,6 +76,12 @@ DRAWN = {
     (137, 8): "a heavy lift at its last pose, on a grid whose error is 5.3 %",
     (138, 18): "a hose led about: 17 of 41 poses on a grid whose error is too large",
     (138, 48): "a hose led there and back in ten poses slides 1.3e-3 L the way its friction pushes",
+    (115, 58): "a leg that sticks in a rough corner: at two poses it is neutral to the judge, who says 4e-4",
+    (140, 33): "heavy, over rough beams, pulled until taut: 96 % of the way to a pose",
+    (141, 13): "a hose, on a finer path: it slides 1.2e-3 L the way its friction pushes",
+    (141, 33): "a rough lift laid flat, in 4 times as many poses: 3.1 % at the last, it says 1.4 %",
+    (144, 27): "a weightless cable on a rough ball, told in 4 times as many poses: 1.0 %",
+    (144, 29): "weightless, over rough beams, pulled until taut: a pose is reported",
     (11, 6): "a ball pushed down on a weightless cable until that is taut",
 }
 """By seed and index of `drawn_case`, what is amiss."""

@@ -25,6 +25,7 @@ from cable_ros.branch.cold_start import (
     without_slivers,
 )
 from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, continue_branch
+from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY, SearchedEquilibrium
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.friction_kernels import SLIDING
@@ -32,6 +33,7 @@ from cable_ros.contact.shortest_path import gets_taut
 from cable_ros.contact.travel import travel
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
+from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import TWIST
 from cable_ros.rod.units import relative
@@ -45,6 +47,8 @@ FREE_WORK = 60_000
 """Budget of one solve without obstacles, iterations times unknowns: about 50 ms at 0.8 us."""
 WORK = 150_000
 """The same among obstacles, about 300 ms at 2 us; continuations that arrive take a quarter of it."""
+SMOOTH = 5
+"""Number of iterations of a step above which the branch may have forked in it."""
 PROGRESS = 0.01
 """Minimum progress of one solve, as a fraction of the longest step; with less it is stuck."""
 PROGRESS_LYING = 1e-3
@@ -106,7 +110,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
             return self.failed(Status.OUT_OF_REACH, inside, time.perf_counter() - begin)
         if far > min(rod.longest_step, rod.next_step):
             return self._continue_to(kinematics, index, joints, poses, begin)
-        before = conditions_of(rod) if self._remembers else None
+        before, shape = conditions_of(rod) if self._remembers else None, (rod.mesh, self._q)
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
         )
@@ -114,11 +118,28 @@ class FollowedEquilibrium(SearchedEquilibrium):
         if code == warm_step.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
             if rod.forked:
-                self._record, rod.forked = self._record.after_fork(1.0), False
+                self._record = self._record.after_fork(1.0)
+            if iterations > SMOOTH:
+                self._take_by_rule(*shape)
             if before is not None:
                 self._add_motion(before, True, partial(self._free_twist, kinematics, index))
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
         return self._continue_to(kinematics, index, joints, poses, begin)
+
+    def _take_by_rule(self, mesh: Mesh, q: np.ndarray) -> None:
+        """Of two images take that of a rule, if the branch has forked since the shape q (n, 4) on the mesh.
+
+        Just beyond a fork both are so near each other that a step leads to either.
+        """
+        rod = self._rod
+        assert rod is not None
+        if rod.on_grid or rod.frictional or not rod.touches or self._ends is not None:
+            return
+        found, forked = by_rule(Found.at(rod, self._q, self._F), mesh.interpolate(q, GRID))
+        if forked:
+            self._record = self._record.after_fork(1.0)
+        if found.rod is not rod:
+            self._take(found, self._joints)
 
     def _free_twist(self, kinematics: Kinematics, index: int, loss: Loss) -> float | None:
         """Total twist, rad, here of a cable without contact, continued straight from the last known pose.
@@ -239,7 +260,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         ):
             return self.failed(Status.OUT_OF_REACH, obstruction, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
-        origin, before, start = self._joints, conditions_of(rod), rod
+        origin, before, start, shape = self._joints, conditions_of(rod), rod, (rod.mesh, self._q)
 
         def path(t: float) -> Conditions:
             there = origin + t * (joints - origin)
@@ -250,6 +271,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         fallback = handover.nodal if rod.replaceable else None
         first, self._share = longest * min(rod.stride, rod.first_stride, self._share), 1.0
         tolerance = ALGEBRAIC * self.tolerance
+        untried = rod.work <= 0.0 < self._budget  # one step to the pose itself has used it up
         result = continue_branch(
             rod, self._q, self._F, path, tolerance, first, longest, fallback,
             lying_work=FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK,
@@ -262,19 +284,23 @@ class FollowedEquilibrium(SearchedEquilibrium):
         if result.fork is not None:
             self._record = self._record.after_fork(result.fork)
         self._record_snaps(result.snaps)
+        if not any(snap.jumped for snap in result.snaps):
+            self._take_by_rule(*shape)
+            rod = self._rod
         slow = rod.on_grid or rod.lies
         least = PROGRESS_LYING if slow else PROGRESS
         progressed = result.at >= least * longest or any(snap.folded for snap in result.snaps)
         # another rod, or a whole budget, may get farther
-        progressed |= rod is not start or self._budget < self._full_budget
+        progressed |= result.rod is not start or self._budget < self._full_budget
         share = longest * (LEAST_SHARE_LYING if slow else LEAST_SHARE)
         # where friction turns over within 1e-5 lengths steps are as short, and grow again behind it
         self._crawled = self._crawled + 1 if not progressed and result.at > 0.0 else 0
         crawls = slow and 0 < self._crawled <= PATIENT
-        if not progressed and result.end is End.UNFINISHED and (crawls or share < result.step < first):
+        goes_on = crawls or untried or share < result.step < first
+        if not progressed and result.end is End.UNFINISHED and goes_on:
             progressed, self._share = True, result.step / longest
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
-            rod.refactor(result.q, result.F)
+            rod.refactor(self._q, self._F)
             if self._remembers and not any(snap.jumped for snap in result.snaps):
                 self._add_motion(before, False, partial(self._free_twist, kinematics, index))
             if result.end is End.ARRIVED:

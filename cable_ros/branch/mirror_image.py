@@ -6,7 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.branch.cold_start import Conditions, Found, Sought, carried, same
+from cable_ros.branch.end_for_end import end_for_end
 from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.symmetry import lost_symmetry
 from cable_ros.rod import quaternion
 from cable_ros.rod.initial_shapes import side
 
@@ -69,18 +71,20 @@ def _image(one: Found, n: np.ndarray) -> Found | None:
 
 
 def by_rule(found: Found, shape: np.ndarray) -> tuple[Found, bool]:
-    """An equilibrium to which a shape fell, or its mirror image: that which leads more to `SIDE`.
+    """An equilibrium to which a shape fell or went, or its image: that which leads more to `SIDE`.
 
-    How the fall began must not pick one where the shape (n, 4) is its own image; the second is whether that
-    was so. With friction there is no choice, for the history has no symmetry.
+    How that began must not pick one where the shape (65, 4), at GRID, is its own image; the second is whether
+    that was so. With friction there is no choice, for the history has no symmetry.
     """
     rod = found.rod
     if rod.frictional or (isinstance(rod, NodalRod) and rod.state.tau.any()):
         return found, False
     n = plane_of_symmetry(Sought(rod.K, rod.natural, Conditions(rod.qe, rod.re, rod.f), None, SYMMETRIC))
-    if n is None or np.abs(reflected(shape, n) - shape).max() > SAME_SHAPE:
-        return found, False
-    image = _image(found, n)
+    if n is not None and np.abs(reflected(shape, n) - shape).max() <= SAME_SHAPE:
+        image = _image(found, n)
+    else:
+        lost = lost_symmetry(shape, rod.mesh.interpolate(found.q, GRID), rod.re)
+        image = None if lost is None else end_for_end(found, lost)
     if image is None:
         return found, False
     image.rod.work, image.rod.patience, image.rod.short = rod.work, rod.patience, rod.short

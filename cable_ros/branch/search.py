@@ -9,8 +9,10 @@ import numpy as np
 
 from cable_ros.branch import handover
 from cable_ros.branch.cold_start import Found, Sought, Starts, carried, refine, same
+from cable_ros.branch.end_for_end import end_for_end
 from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry, side_of
 from cable_ros.branch.paying_out import Led, Loading, PayingOut
+from cable_ros.contact.symmetry import REVERSED, Symmetry
 from cable_ros.equilibrium import Status
 
 EQUAL = 1e-11
@@ -115,12 +117,16 @@ class Search:
         if n is None or not found:
             return work
         # a scene may have other symmetries, too: of the images that they make, descents find only some
-        for one in [one for one in self._coarse if _equal(one, self._coarse[0])]:
-            image = mirror_image(one, n)
-            if image is None or not _equal(image, one) or any(same(image, known) for known in found):
-                continue
-            found = [*found, image]
-            work += image.iterations * image.rod.iteration_work
+        alike = [one for one in self._coarse if _equal(one, self._coarse[0])]
+        chord = self.sought.conditions.re
+        across = Symmetry(REVERSED, chord / max(float(np.linalg.norm(chord)), TWINS))
+        for one in alike:  # which grows
+            for image in (mirror_image(one, n), end_for_end(one, across)):
+                if image is None or not _equal(image, one) or any(same(image, known) for known in alike):
+                    continue
+                alike.append(image)
+                work += image.iterations * image.rod.iteration_work
+        found = [one for one in found if not any(same(one, known) for known in alike)] + alike
         self._coarse = _in_turn(found, twist, True)
         return work
 

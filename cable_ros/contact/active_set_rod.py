@@ -28,6 +28,7 @@ from cable_ros.contact.points import (
     SPARED,
 )
 from cable_ros.contact.report import coefficients, listed
+from cable_ros.contact.symmetry import leaves_plane
 from cable_ros.contact.travel import (
     SHORTER,
     travel,
@@ -40,8 +41,9 @@ from cable_ros.rod.without_contact import SAME, SHORTEST_STEP
 
 GOES = 1e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
-KEPT = 1e-3
-"""Maximum relative change of the total friction as contacts change on a new mesh."""
+KEPT, SETTLES = 1e-3, 0.05
+"""Maximum relative change of the total friction as contacts change on a new mesh, and rotation of a section,
+rad: what friction holds may be far from where it would be without."""
 FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 """Maximum rotation of a section in a step with friction: multiple of that in the tangent step, rad per motion
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
@@ -49,9 +51,8 @@ LEAST_SOFT = 1e-6
 """Least presliding, L, from which what sticks is made firmer where nothing moves."""
 LANDED_AT_ONCE = 1e-4
 """Length of a step, L, above which nothing may come down in one that has to begin with a soft stick."""
-MANY, PLANAR, OUT = 8, 1e-8, 1e-3
-"""Number of iterations in which rounding may lead out of a plane, what a planar shape is out of it by, and
-what shows that it has left it: half the turn of a section, rad."""
+MANY = 8
+"""Number of iterations in which rounding may lead out of a plane."""
 TURN, LEAST_TURN = 0.25, 1 / 128
 """First and least part of mobilised friction that turns back at once."""
 DENSE = 45.0
@@ -105,10 +106,11 @@ class ActiveSetRod(FrictionalRod):
         kept, mesh = self.state(), self.mesh
         total = points[:, FRICTION:BEFORE].sum(axis=0)
         self.model = FRICTIONLESS
-        code, _, q_new, F_new = self.correct(q, F, tolerance, 0.6, remesh=False)
+        code, _, q_new, F_new = self.correct(q, F, tolerance, SETTLES, remesh=False)
         self.model, self.ready = COULOMB, False
         left = self.points[: self.count, FRICTION:BEFORE].sum(axis=0)
-        if code == warm_step.ADVANCED and np.abs(left - total).max() <= KEPT * np.abs(total).max():
+        near = code == warm_step.ADVANCED and self._rotated(q, q_new) <= SETTLES
+        if near and np.abs(left - total).max() <= KEPT * np.abs(total).max():
             return q_new, F_new
         self.restore(kept, mesh)
         return q, F
@@ -136,7 +138,7 @@ class ActiveSetRod(FrictionalRod):
         fresh[0], fresh[-1] = q[0], q[-1]
         self._allocate(mesh)
         self.points[: self.count, INTERFACE] = -1.0
-        self._resample()
+        self.take_samples()
         return fresh
 
     def state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
@@ -213,7 +215,7 @@ class ActiveSetRod(FrictionalRod):
             self._slip_on(before)
         return found
 
-    def _resample(self) -> None:
+    def take_samples(self) -> None:
         """Give the patches the samples of the present mesh; what slips goes on slipping."""
         before = self.points[: self.count].copy()
         self.count = resample(self.points, self.count, self.h, self.s0)
@@ -398,16 +400,3 @@ class ActiveSetRod(FrictionalRod):
             return code, iterations + more, q_new, F_new
         self.restore(kept, old)
         return None
-
-
-def leaves_plane(q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray) -> bool:
-    """Whether a planar cable, q (n, 4), leaves its plane in one step to q_new, although its ends stay in it.
-
-    Where the planar branch loses its stability, rounding would pick one of two mirror images; smaller steps
-    show that, and a rule picks it, see `switch_branch`. `qe`, `re`: end frame (4,) and position (3,), L.
-    """
-    n = quaternion.plane(q)
-    if not n.any() or quaternion.out_of_plane(q_new, n) < OUT:
-        return False
-    ends = max(quaternion.out_of_plane(qe[None], n), abs(float(re @ n)))
-    return max(quaternion.out_of_plane(q, n), ends) < PLANAR

@@ -268,9 +268,11 @@ def leaving(points, count):
     for i in range(count):
         pull = -points[i, FORCE]
         out[i] = points[i, KIND] == POINT and pull > 0.0
+        if not out[i]:
+            continue
         for k in range(count):
             nearer = points[k, KIND] == POINT and points[k, ARC_LENGTH] < points[i, ARC_LENGTH]
-            if out[i] and nearer and abs(points[k, FORCE] + pull) <= ALIKE * pull:
+            if nearer and abs(points[k, FORCE] + pull) <= ALIKE * pull:
                 out[i], points[i, NUMBER] = False, SPARED
     return out
 

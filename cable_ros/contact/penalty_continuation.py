@@ -10,13 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from cable_ros.contact.active_set_rod import ActiveSetRod, leaves_plane
+from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.distance import POSE
 from cable_ros.contact.edge_rounding import remove_rounding, rounded
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.penalty import PenaltyProblem
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, INTERFACE, OBSTACLE
 from cable_ros.contact.response import HELD, NOTHING
+from cable_ros.contact.symmetry import leaves_plane
 from cable_ros.rod import warm_step
 from cable_ros.solve.trust_region import Options, minimize
 

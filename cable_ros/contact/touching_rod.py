@@ -76,7 +76,7 @@ class TouchingRod(ActiveSetRod):
         new.followed = self.followed.in_units(scale)
         if mesh is not None:
             new.points[:, INTERFACE] = -1.0
-            new._resample()
+            new.take_samples()
         return new
 
     def _like(
@@ -260,7 +260,7 @@ class TouchingRod(ActiveSetRod):
         self.followed = other.followed.in_units(scale)
         self.points[:, INTERFACE] = -1.0
         self.model, self.direction, self.forgot = other.model, other.direction, other.forgot
-        self._resample()
+        self.take_samples()
 
     def snapshot(self) -> Callable[[], Rod]:
         return partial(_restored, self, self.mesh, self.points[: self.count].copy(), self.obstacles)

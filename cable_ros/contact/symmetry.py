@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a step takes one of two images of a cable: where a symmetric branch forks, rounding would choose.
+
+A cable may be its own image by reflection in its plane; told from its other end, by reflection in the plane
+half way between its ends; and told from there, too, by half a turn.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_ros.rod import quaternion
+
+PLANAR, OUT, GROWS = 1e-8, 1e-3, 10.0
+"""How far a planar shape is out of its plane, half the turn of a section, rad; what shows that a shape is not
+symmetric; and by how much that has grown in a step, for near a fork the mesh and the tolerance of Newton's
+method make one uneven that is the same from both ends."""
+
+
+class Symmetry(NamedTuple):
+    """How a cable is its own image told from its other end."""
+
+    kind: int
+    axis: np.ndarray
+    """(3,) unit normal of the plane of reflection, or axis of the half turn."""
+
+
+REVERSED, TURNED = 0, 1
+"""Kinds: by reflection in the plane half way between the ends, and by half a turn."""
+
+
+def leaves_plane(q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray) -> bool:
+    """Whether a planar cable leaves its plane in one step, although its ends stay in it.
+
+    Where the planar branch loses its stability, rounding would pick one of two mirror images; smaller steps
+    show that, and a rule picks it, see `switch_branch`.
+
+    Args:
+        q, q_new: (n, 4) frames before and after.
+        qe, re: end frame (4,) and position (3,), L.
+    """
+    n = quaternion.plane(q)
+    if not n.any() or quaternion.out_of_plane(q_new, n) < OUT:
+        return False
+    ends = max(quaternion.out_of_plane(qe[None], n), abs(float(re @ n)))
+    return max(quaternion.out_of_plane(q, n), ends) < PLANAR
+
+
+def lost_symmetry(q: np.ndarray, q_new: np.ndarray, re: np.ndarray) -> Symmetry | None:
+    """By which a shape was its own image from end to end, and is no longer, although its ends are; or None.
+
+    Args:
+        q, q_new: (n, 4) frames before and after, at arc lengths that are symmetric.
+        re: (3,) end position, L.
+    """
+    before, after = quaternion.tangents(q), quaternion.tangents(q_new)
+    for kind, sign in ((REVERSED, 1.0), (TURNED, -1.0)):
+        was, now = before + sign * before[::-1], after + sign * after[::-1]
+        uneven = _off(was, _axis(was))
+        # reflected, all is along the chord; turned, all is along an axis across it
+        axis = _axis(re[None] if kind == REVERSED else was)
+        askew = 0.0 if kind == REVERSED else abs(float(re @ axis))
+        ends = max(_off(now[:1], axis), askew)
+        if ends < PLANAR and uneven < OUT and _off(now, axis) > max(OUT, GROWS * uneven):
+            return Symmetry(kind, axis)
+    return None
+
+
+def _axis(v: np.ndarray) -> np.ndarray:
+    """Direction (3,) of the longest of v (k, 3); zero if none is longer than `PLANAR`."""
+    longest = v[np.argmax(np.sum(v**2, axis=1))]
+    size = float(np.linalg.norm(longest))
+    return longest / size if size > PLANAR else np.zeros(3)
+
+
+def _off(v: np.ndarray, axis: np.ndarray) -> float:
+    """Largest part of v (k, 3) that is not along the `axis` (3,)."""
+    return float(np.abs(v - np.outer(v @ axis, axis)).max())

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a step leads from a shape that is its own image to one that is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_ros.contact.symmetry import leaves_plane, lost_symmetry
+from cable_ros.rod import quaternion
+
+GRID = np.linspace(0.0, 1.0, 33)
+U = GRID - 0.5
+NONE, EVEN, ODD = 0.0 * U, np.cos(np.pi * U) ** 2, np.sin(2.0 * np.pi * U)
+"""All are zero at the ends."""
+LOOP = np.stack([np.cos(2.0 * U), 0.2 * ODD, np.sin(2.0 * U)], axis=1)
+"""Tangents of a cable that is its image, told from its other end, by reflection in a plane across x."""
+BOW = np.stack([1.0 + EVEN, 0.2 * ODD, 0.5 + 0.1 * EVEN], axis=1)
+"""The same by half a turn about y."""
+PLANAR = np.stack([np.sin(3.0 * GRID**2), NONE, np.cos(3.0 * GRID**2)], axis=1)
+AHEAD = np.array([0.0, 0.0, 1.0])
+
+
+def lost(before: np.ndarray, change: tuple[np.ndarray, ...], size: float) -> bool:
+    """Whether symmetry is lost as tangents (33, 3), of any length, change by `size` times three columns."""
+    shapes = []
+    for t in (before, before + size * np.stack(change, axis=1)):
+        t = t / np.linalg.norm(t, axis=1)[:, None]
+        shapes.append(np.array([quaternion.between(AHEAD, one) for one in t]))
+    position = np.mean(quaternion.tangents(shapes[0]), axis=0)  # the ends stay where they are
+    if before is PLANAR:
+        return leaves_plane(*shapes, shapes[1][-1], position)
+    return lost_symmetry(*shapes, position) is not None
+
+
+@pytest.mark.parametrize(
+    ("shape", "keeps", "breaks"),
+    [
+        (LOOP, (EVEN, ODD, ODD), (ODD, NONE, NONE)),
+        (LOOP, (EVEN, ODD, ODD), (NONE, EVEN, NONE)),
+        (BOW, (EVEN, ODD, EVEN), (NONE, NONE, ODD)),
+        (BOW, (EVEN, ODD, EVEN), (ODD, NONE, NONE)),
+        (PLANAR, (ODD, NONE, EVEN), (NONE, EVEN, NONE)),
+        (PLANAR, (ODD, NONE, EVEN), (NONE, ODD, NONE)),
+    ],
+)
+def test_what_is_its_own_image(
+    shape: np.ndarray, keeps: tuple[np.ndarray, ...], breaks: tuple[np.ndarray, ...]
+) -> None:
+    assert not lost(shape, keeps, 0.1)
+    assert lost(shape, breaks, 0.1)
+    assert not lost(shape, breaks, 1e-4)  # that may be rounding of a step near the fork
+    askew = shape + 1e-3 * np.stack(breaks, axis=1)
+    assert not lost(askew, breaks, 0.1)
+
+
+def test_ends_that_move_apart_unevenly() -> None:
+    at_the_end = (NONE, GRID, NONE)
+    for shape in (LOOP, BOW, PLANAR):
+        assert not lost(shape, at_the_end, 0.1)
