@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from references import planar
 from zoo_make import led
 
 from cable_ros import Equilibrium, Status, Tracker
-from cable_ros.bench.cases import Case, case_scene
+from cable_ros.bench.cases import Case, Pose, case_scene
 from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.bench.metamorphic import at_rate, corners
 from cable_ros.branch import snap_through
@@ -109,6 +109,18 @@ def test_nothing_unstable_is_published() -> None:
     assert abs(found[-1].end_wrench[1]) > 0.01 * np.abs(found[-1].end_wrench[:3]).max()
 
 
+def answers(case: Case, poses: Iterable[Pose]) -> list[Equilibrium]:
+    """The cable's, pose by pose."""
+    tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+    return [tracker.arrive(dict(pose))["cable"] for pose in poses]
+
+
+def assert_alike(ends: Sequence[np.ndarray]) -> None:
+    """End wrenches (6,) of one path that was told in various numbers of steps."""
+    for end in ends:
+        assert end == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+
+
 def snapped_once(case: Case, last: int, counts: Sequence[int]) -> tuple[list[float], list[list[Equilibrium]]]:
     """The cable at pose `last`, told in so many steps from the one before, snaps once and ends the same.
 
@@ -116,9 +128,7 @@ def snapped_once(case: Case, last: int, counts: Sequence[int]) -> tuple[list[flo
     """
     where, out = [], []
     for count in counts:
-        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
-        told = (*case.path[:last], *refined(case.path[last - 1 : last + 1], count)[1:])
-        found = [tracker.arrive(dict(pose))["cable"] for pose in told]
+        found = answers(case, (*case.path[:last], *refined(case.path[last - 1 : last + 1], count)[1:]))
         (snapped,) = [i for i, one in enumerate(found) if one.status is Status.SNAPPED]
         assert all(one.status is Status.CONVERGED for i, one in enumerate(found) if i != snapped)
         where.append((snapped - last + 1) / count)
@@ -163,15 +173,14 @@ def test_the_side_of_a_fork_is_told_and_does_not_depend_on_the_steps() -> None:
     case = drawn_case(110, 7, 1e-4)
     ends = []
     for count in (1, 4):
-        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
-        found = [tracker.arrive(dict(pose))["cable"] for pose in refined(case.path[:7], count)]
+        found = answers(case, refined(case.path[:7], count))
         assert {one.status for one in found} == {Status.CONVERGED}
         (forked,) = [i for i, one in enumerate(found) if "forked" in one.message]
         assert 5.0 < forked / count <= 6.0
         assert "to the side of two" in found[forked].message
         assert abs(found[forked - 1].end_wrench[1]) < 1e-6 * np.abs(found[forked - 1].end_wrench).max()
         ends.append(found[-1].end_wrench)
-    assert ends[1] == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+    assert_alike(ends)
     assert abs(ends[0][1]) > 5e-3 * np.abs(ends[0]).max()
 
 
@@ -179,8 +188,7 @@ def test_one_of_two_legs_leaves_a_bar_which_does_not_depend_on_the_steps() -> No
     """A bar between the legs of a loop goes down: either leg may leave it. A descent of the energy chose."""
     case, ends = drawn_case(140, 20, 1e-4), []
     for count in (1, 3, 16):
-        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
-        found = [tracker.arrive(dict(pose))["cable"] for pose in refined(case.path[:6], count)]
+        found = answers(case, refined(case.path[:6], count))
         assert {one.status for one in found} == {Status.CONVERGED}
         (forked,) = [i for i, one in enumerate(found) if "forked" in one.message]
         assert 4.0 < forked / count <= 5.0
@@ -189,22 +197,19 @@ def test_one_of_two_legs_leaves_a_bar_which_does_not_depend_on_the_steps() -> No
         assert both[0] + both[2] == pytest.approx(1.0, abs=1e-6)
         assert len(found[forked].contacts) == 2
         ends.append(found[-1].end_wrench)
-    for end in ends:
-        assert end == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+    assert_alike(ends)
 
 
 def test_a_loop_leans_to_the_same_end_however_the_path_is_told() -> None:
     """A loop over a bar, the same from both ends, begins to lean. One step of Newton's method chose where."""
     case, ends = drawn_case(141, 54, 1e-4), []
     for count in (1, 2, 3, 4, 7):
-        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
-        found = [tracker.arrive(dict(pose))["cable"] for pose in refined(case.path[:22], count)]
+        found = answers(case, refined(case.path[:22], count))
         told = [i for i, one in enumerate(found) if "to the side of two" in one.message]
         assert [-(-i // count) for i in told] == [21]  # the pose that the given path has next
         assert abs(found[told[0] - 1].total_twist) < 1e-3  # 0.3 as it leans
         ends.append(found[-1].end_wrench)
-    for end in ends:
-        assert end == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+    assert_alike(ends)
     assert abs(ends[0][1]) > 1.0  # N; 0 where it does not lean
 
 
@@ -215,14 +220,12 @@ def test_a_cable_that_falls_off_a_ball_falls_to_the_side_that_it_would_fork_to()
     """
     case, ends = drawn_case(114, 42, 1e-4), []
     for count in (1, 2, 3, 4, 8):
-        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
-        found = [tracker.arrive(dict(pose))["cable"] for pose in refined(case.path[:5], count)]
+        found = answers(case, refined(case.path[:5], count))
         (left,) = [
             i for i, one in enumerate(found) if one.status is Status.SNAPPED or "forked" in one.message
         ]
         assert all(abs(one.end_wrench[1]) < 1e-6 for one in found[:left])
         assert {one.status for one in found} <= {Status.CONVERGED, Status.SNAPPED}
         ends.append(found[-1].end_wrench)
-    for end in ends:
-        assert end == pytest.approx(ends[0], abs=1e-3 * np.abs(ends[0]).max())
+    assert_alike(ends)
     assert abs(ends[0][1]) > 0.5  # N; 0 in the plane

@@ -169,14 +169,22 @@ def carried(rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions) -> F
         touching = rod.snapshot()()
         assert isinstance(touching, TouchingRod)
         touching.set_conditions(*there)
-        code, iterations, q_new, F_new = touching.correct(
-            touching.on_end(q), F, SEARCH_OPTIONS.step_tolerance, remesh=False
-        )
-        if code == warm_step.ADVANCED and touching.refactor(q_new, F_new):
-            return Found.at(touching, q_new, F_new, iterations)
+        found = corrected(touching, q, F)
+        if found is not None:
+            return found
     other = rod.variant(rod.mesh)
     other.set_conditions(*there)
     return settle(other, other.on_end(q), F, SEARCH_OPTIONS)
+
+
+def corrected(rod: TouchingRod, q: np.ndarray, F: np.ndarray) -> Found | None:
+    """The equilibrium of a rod with its contacts next to (q, F), under its conditions, or None."""
+    code, iterations, q_new, F_new = rod.correct(
+        rod.on_end(q), F, SEARCH_OPTIONS.step_tolerance, remesh=False
+    )
+    if code != warm_step.ADVANCED or not rod.refactor(q_new, F_new):
+        return None
+    return Found.at(rod, q_new, F_new, iterations)
 
 
 def on_mesh(found: Found, mesh: Mesh) -> Found | None:

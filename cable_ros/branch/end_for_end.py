@@ -6,12 +6,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cable_ros.branch.cold_start import SEARCH_OPTIONS, Found
+from cable_ros.branch.cold_start import Found, corrected
 from cable_ros.contact.distance import gaps
 from cable_ros.contact.points import ARC_LENGTH, FIRST, INTERFACE, KIND, LAST, OBSTACLE
 from cable_ros.contact.symmetry import REVERSED, Symmetry
 from cable_ros.contact.touching_rod import TouchingRod
-from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh
 
@@ -43,20 +43,15 @@ def end_for_end(one: Found, symmetry: Symmetry) -> Found | None:
     if max(askew, weight) > SAME:
         return None
     F = -image @ (one.F + rod.f + rod.contact_force())
-    there = _other_way_round(rod, one.q, image)
-    code, iterations, q_new, F_new = there.correct(
-        there.on_end(q), F, SEARCH_OPTIONS.step_tolerance, remesh=False
-    )
-    if code != warm_step.ADVANCED or not np.linalg.norm(F_new - F) < ALIKE * np.linalg.norm(F):
-        return None
-    return Found.at(there, q_new, F_new, iterations) if there.refactor(q_new, F_new) else None
+    found = corrected(_other_way_round(rod, one.q, image), q, F)
+    alike = found is not None and np.linalg.norm(found.F - F) < ALIKE * np.linalg.norm(F)
+    return found if alike else None
 
 
 def _other_way_round(rod: TouchingRod, q: np.ndarray, image: np.ndarray) -> TouchingRod:
     """The rod with its mesh and the contacts of the shape q (n, 4) told from the other end."""
     assert rod.obstacles is not None
     new = rod.variant(Mesh(rod.mesh.element, rod.mesh.lengths[::-1].copy()))
-    new.set_conditions(rod.qe, rod.re, rod.f, rod.obstacles)
     new.count = rod.count
     new.points[: new.count] = rod.points[: rod.count]
     rod.trace(q)

@@ -114,12 +114,15 @@ class FixedSetRod(ConstrainedRod):
         points = self.points[: self.count]
         return np.where(points[:, KIND] == SAMPLE, np.minimum(self.bedding * points[:, LENGTH], STICK), STICK)
 
+    def _coefficients(self) -> np.ndarray:
+        """(count,) coefficients of friction of the obstacles that the contact points are on."""
+        if self.obstacles is None:
+            return np.zeros(0)
+        return self.obstacles[self.points[: self.count, OBSTACLE].astype(int), FRICTION_COEFFICIENT]
+
     def _on_rough(self) -> np.ndarray:
         """(count,) which contact points are on an obstacle with friction, whether they press or not."""
-        if self.obstacles is None:
-            return np.zeros(0, bool)
-        which = self.points[: self.count, OBSTACLE].astype(int)
-        return np.asarray(self.obstacles[which, FRICTION_COEFFICIENT] > 0.0)
+        return self._coefficients() > 0.0
 
     def rough(self) -> np.ndarray:
         """(count,) which contact points press on an obstacle with friction."""

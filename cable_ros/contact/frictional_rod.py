@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 
-from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, slip_change
 from cable_ros.contact.path_error import NONE
@@ -89,13 +88,12 @@ class FrictionalRod(FixedSetRod):
         points = self.points[: self.count]
         if self.model != COULOMB or self.creeps or not len(before) or not len(points):
             return
-        assert self.obstacles is not None
         away = np.abs(points[:, None, ARC_LENGTH] - before[None, :, ARC_LENGTH])
         away[points[:, None, OBSTACLE] != before[None, :, OBSTACLE]] = np.inf
         nearest = away.argmin(axis=1)
         slipped = (before[nearest, SLIPS] == 1.0) & (before[nearest, OBSTACLE] == points[:, OBSTACLE])
         friction = np.linalg.norm(points[:, FRICTION:BEFORE], axis=1)
-        cone = self.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT] * points[:, FORCE]
+        cone = self._coefficients() * points[:, FORCE]
         begins = slipped & (points[:, SLIPS] == 0.0) & (cone > 0.0) & (friction > NEAR_LIMIT * cone)
         if begins.any():
             points[begins, SLIPS] = 1.0
