@@ -37,7 +37,7 @@ from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
-from cable_ros.rod.without_contact import SAME, SHORTEST_STEP
+from cable_ros.rod.without_contact import EASY, SAME, SHORTEST_STEP
 
 GOES = 1e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
@@ -53,6 +53,9 @@ LANDED_AT_ONCE = 1e-4
 """Length of a step, L, above which nothing may come down in one that has to begin with a soft stick."""
 MANY = 8
 """Number of iterations in which rounding may lead out of a plane."""
+TURN_BACK = 0.5
+"""Factor of a step that was hard to solve, and in which friction turns back at a point: it may have stuck,
+and then the cable goes elsewhere."""
 TURN, LEAST_TURN = 0.25, 1 / 128
 """First and least part of mobilised friction that turns back at once."""
 DENSE = 45.0
@@ -260,6 +263,8 @@ class ActiveSetRod(FrictionalRod):
             self.stride = self._friction_stride(F, q_new, F_new, obstacles, self.count > kept[1])
             farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
+            if iterations > EASY and self._turns_back():
+                self.stride = min(self.stride, TURN_BACK)
             if not self.trial and (leaps or (self.stride < SHORTER and distance > SHORTEST_STEP)):
                 code, self.stride = warm_step.TOO_FAR, max(self.stride, 0.99 * SHORTEST_STEP / distance)
         if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):

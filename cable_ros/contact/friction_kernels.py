@@ -133,6 +133,10 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
         size = norm
     elif slips and not initial and (size < (1.0 - ROUNDING) * cone or along < 0.0):
         points[i, SLIPS] = 0.0
+        if points[i, KIND] == POINT and norm > cone:
+            # its cone has shrunk meanwhile: beyond it, it would slip on as before at once
+            for a in range(3):
+                force[a] *= cone / norm
     elif slips and initial:
         trial = force
         size = norm

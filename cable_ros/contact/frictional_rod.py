@@ -24,6 +24,7 @@ from cable_ros.contact.travel import (
     CONTACT_STEP,
     FORCE_CHANGE,
     FRICTION_STEP,
+    LANDING_CHANGE,
     LYING_CHANGE,
     LYING_STEP,
     POINTS_CHANGE,
@@ -144,8 +145,16 @@ class FrictionalRod(FixedSetRod):
         if landed or (self.has_patch and slack):
             larger = max(float(np.linalg.norm(F)), force, 1e-300)
             change = float(np.linalg.norm(F_new - F)) / larger
-            longest = min(longest, stride(change, FORCE_CHANGE if slack else TAUT_FORCE_CHANGE))
+            most = FORCE_CHANGE if self.has_patch else LANDING_CHANGE
+            longest = min(longest, stride(change, most if slack else TAUT_FORCE_CHANGE))
         return longest
+
+    def _turns_back(self) -> bool:
+        """Whether friction has turned back at a point that slips, in the last solve."""
+        points = self.points[: self.count]
+        slips = (points[:, KIND] == POINT) & (points[:, SLIPS] == 1.0)
+        along = np.sum(points[:, FRICTION:BEFORE] * points[:, BEFORE : BEFORE + 3], axis=1)
+        return bool((slips & (along < 0.0)).any())
 
     def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray, most: float) -> float:
         """Relative change, in a step to q, of the friction of what slips; 0 if it is below `most` anyway.

@@ -23,6 +23,9 @@ FORCE_CHANGE, TAUT_FORCE_CHANGE = 0.1, 0.3
 """Maximum relative change of the end force in a step where the cable lies, or contact begins; and in one in
 which that begins on a cable near TAUT. A hose whose end force falls to a third in 0.02 L was 10 % off in one
 step, a lift drawn sideways and back 2.1 % with 0.2, a ball's first touch 3.4 % with 0.3."""
+LANDING_CHANGE = 0.03
+"""The first where contact begins at a point: when in the step is not known. With 0.1 what stuck from there on
+was 1 to 7 % off."""
 TAUT, TAUT_CHANGE = 500.0, 0.12
 """Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle, and the limit of the
 change of friction where such a cable lies, instead of both: its force changes in ever shorter steps."""

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drawn paths told in four times as many poses: the same wrenches; each answer was verified by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_ros import Equilibrium, Tracker
+from cable_ros.bench.cases import case_scene
+from cable_ros.bench.drawn import drawn_case, refined
+
+FINER = 4
+SAME = 0.01
+"""Of the wrench, or of SMALL times the path's largest: what finite steps with friction may matter."""
+SMALL = 0.05
+
+
+def told(key: tuple[int, int, str], poses: int, parts: int, tolerance: float = 1e-4) -> list[Equilibrium]:
+    """Answers at the first poses of a drawn case's path, which is told in `parts` as many."""
+    case = drawn_case(key[0], key[1], tolerance, key[2])
+    tracker, found = Tracker(case_scene(case)), []
+    for joints in refined(case.path[:poses], parts):
+        found.extend(tracker.arrive(joints).values())
+    return found
+
+
+def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
+    """Largest relative difference of two paths' end forces."""
+    here, there = (np.array([one.end_wrench[:3] for one in path]) for path in (some, others))
+    size = np.linalg.norm(there, axis=1)
+    return float((np.linalg.norm(here - there, axis=1) / np.maximum(size, SMALL * size.max())).max())
+
+
+@pytest.mark.parametrize(
+    ("key", "poses"),
+    [
+        # slip turns back as the force falls: it went on the way its friction pushed
+        ((145, 37, "slot"), 11),
+        ((146, 45, "beams"), 34),
+        ((145, 91, "beams"), 5),
+        # a point that slipped sticks where the ball turns back, and is pulled along
+        ((145, 81, "ball"), 11),
+    ],
+)
+def test_the_same_told_in_more_poses(key: tuple[int, int, str], poses: int) -> None:
+    once, finer = told(key, poses, 1), told(key, poses, FINER)
+    assert all(one.status.trusted for one in once + finer)
+    assert apart(once, finer[::FINER]) < SAME
