@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_ros import Equilibrium, Tracker
+from cable_ros import Equilibrium, Status, Tracker
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case, refined
 
@@ -35,6 +35,11 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
 @pytest.mark.parametrize(
     ("key", "poses"),
     [
+        # without friction: what a refined mesh fell to, what a margin that had not been renewed hid, and what
+        # a descent took for the branch
+        ((145, 50, "tray"), 5),
+        ((145, 14, "wall"), 170),
+        ((145, 88, "beams"), 5),
         # slip turns back as the force falls: it went on the way its friction pushed
         ((145, 37, "slot"), 11),
         ((146, 45, "beams"), 34),
@@ -47,3 +52,16 @@ def test_the_same_told_in_more_poses(key: tuple[int, int, str], poses: int) -> N
     once, finer = told(key, poses, 1), told(key, poses, FINER)
     assert all(one.status.trusted for one in once + finer)
     assert apart(once, finer[::FINER]) < SAME
+
+
+def test_a_fall_as_its_mesh_is_refined_is_told() -> None:
+    """In the budget's pause beside a fold, the refined mesh was past it."""
+    assert Status.SNAPPED in [one.status for one in told((145, 50, "tray"), 2, FINER)]
+
+
+def test_a_patch_that_shrinks_to_the_clamp_leaves_it() -> None:
+    """Its end came within 4e-7 of the clamp, with a force without bound, and the path ended there."""
+    coarse, fine = (told((145, 30, "lift"), 11, 1, tolerance) for tolerance in (1e-4, 1e-6))
+    assert [one.status for one in coarse].count(Status.SNAPPED) == 1
+    assert all(one.status.trusted for one in coarse + fine)
+    assert apart(coarse, fine) < 1e-4

@@ -248,6 +248,10 @@ FOUND = {
     (142, 179, "corner"): "a light cable in a rough corner that turns: one leg sticks, one slides",
     (143, 104, "corner"): "a heavy cable in a rough corner that turns back",
     (143, 166, "corner"): "a light cable sticks in a corner that moves: one step used up a call's budget",
+    (145, 28, "beams"): "a cable over a beam, which it touches twice, side by side",
+    (145, 45, "beams"): "a light smooth cable leaves two beams by a fold that rounding makes rough",
+    (145, 96, "beams"): "one of two contacts lets go at a fold, and is inside as soon as it has",
+    (145, 118, "beams"): "a heavy smooth cable snaps to the other side of a beam",
     (132, 100): "a cable drawn ever tauter over a rough table, and back",
 }
 """By seed, index and kind of `drawn_case`: scenes that benchmarks/drawn.py has found, and that failed."""

@@ -28,7 +28,7 @@ def switch_branch(
     """
     if not isinstance(rod, TouchingRod) or rod.frictional or not rod.count:
         return None
-    kept, mesh, before = rod.state(), rod.mesh, (rod.qe, rod.re, rod.f, rod.obstacles)
+    put_back = rod.kept()
     mode = mode if mode @ rod.start_vector() >= 0.0 else -mode
     unstable = False  # whether that has been shown of the branch
     for amplitude in (0.0, *AMPLITUDES):
@@ -38,8 +38,7 @@ def switch_branch(
         code, iterations, q_new, F_new = rod.correct(start, F, TOLERANCE)
         if code == warm_step.ADVANCED and unstable and rod.refactor(q_new, F_new):
             return Found.at(rod, q_new, F_new, iterations)
-        rod.restore(kept, mesh)
-        rod.set_conditions(*before)
+        put_back()
         if code == warm_step.ADVANCED:
             break
         unstable = unstable or code == warm_step.NOT_CONVEX

@@ -206,7 +206,7 @@ def continue_branch(
         tiny = step * 0.5 < smallest * longest
         hard = tiny or spent > most
         stable = (free or fallback is None or not hard) and rod.refactor(q, F)
-        lets_go = free and stable and rod.short and rod.lets_go(q, F, EDGE * far)
+        lets_go = free and stable and (hard or rod.short) and rod.lets_go(q, F, EDGE * far)
         margin = rod._softest() if free and stable and fallback is not None else None
         folding = free and (not stable or lets_go or (margin is not None and margin < SMALL))
         if folding:
@@ -246,7 +246,7 @@ def continue_branch(
         # a cable that turns freely goes far in any step
         turns = free and bool(margins) and margins[-1][1] < FREE_TO_TURN
         if crossed or ((code != warm_step.TOO_FAR or turns) and step * 0.5 < SHORTEST * longest):
-            left, here = rod.work, (rod.qe, rod.re, rod.f, rod.obstacles)
+            left = rod.work
             if crossed:  # the branch continues, but its margin has passed through 0
                 margins.append((at, rod._softest() if lets_go else 0.0))
             spare = max(SNAP_WORK - rod.work, 0.0)
@@ -254,7 +254,7 @@ def continue_branch(
             snapped = snap_and_record(rod, q, F, path, step, margins, tolerance, crossed, may_turn)
             rod.work -= spare
             if snapped is None:
-                rod.set_conditions(*here)
+                rod.refactor(q, F)
                 if fallback is None:
                     return ended(End.STUCK)
                 replacement, fallback = fallback(rod, q, F), None

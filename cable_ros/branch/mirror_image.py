@@ -8,7 +8,7 @@ import numpy as np
 from cable_ros.branch.cold_start import Conditions, Found, Sought, carried, same
 from cable_ros.branch.end_for_end import end_for_end
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.symmetry import lost_symmetry
+from cable_ros.contact.symmetry import OUT, lost_symmetry
 from cable_ros.rod import quaternion
 from cable_ros.rod.initial_shapes import side
 
@@ -70,7 +70,7 @@ def _image(one: Found, n: np.ndarray) -> Found | None:
     return carried(rod, q, F, Conditions(rod.qe, rod.re, rod.f, rod.obstacles))
 
 
-def by_rule(found: Found, shape: np.ndarray) -> tuple[Found, bool]:
+def by_rule(found: Found, shape: np.ndarray, uneven: float = OUT) -> tuple[Found, bool]:
     """An equilibrium to which a shape fell or went, or its image: that which leads more to `SIDE`.
 
     How that began must not pick one where the shape (65, 4), at GRID, is its own image; the second is whether
@@ -83,7 +83,7 @@ def by_rule(found: Found, shape: np.ndarray) -> tuple[Found, bool]:
     if n is not None and np.abs(reflected(shape, n) - shape).max() <= SAME_SHAPE:
         image = _image(found, n)
     else:
-        lost = lost_symmetry(shape, rod.mesh.interpolate(found.q, GRID), rod.re)
+        lost = lost_symmetry(shape, rod.mesh.interpolate(found.q, GRID), rod.re, uneven)
         image = None if lost is None else end_for_end(found, lost)
     if image is None:
         return found, False

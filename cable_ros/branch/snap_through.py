@@ -10,7 +10,9 @@ import numpy as np
 
 from cable_ros.branch.branch_switching import switch_branch
 from cable_ros.branch.cold_start import Conditions, Found, settled
-from cable_ros.branch.mirror_image import by_rule
+from cable_ros.branch.mirror_image import GRID, by_rule
+from cable_ros.contact.symmetry import LEANT
+from cable_ros.contact.travel import travel
 from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import warm_step
 from cable_ros.rod.initial_shapes import aside
@@ -26,6 +28,9 @@ root law gives for the last step's distance; away from folds it is 0.1 to 1."""
 FOLD = 10.0
 """Maximum number of last steps to the zero of the margin's square, extrapolated linearly, at a fold. At
 folds of free cables it was 0.3 to 1.7."""
+FINE = (0.0, 1e-5, 1e-4)
+"""Lengths of a step, L, below which it counts as so long, tried in turn: where rounding makes a cable lean,
+the last ones are too short, and the margin along them too rough, to extrapolate from."""
 FREE_TO_TURN = 10.0 * NEUTRAL
 """Maximum margin of an equilibrium that belongs to a continuous family (neutral stability)."""
 PERTURBATION = 5e-12
@@ -46,8 +51,6 @@ BEYOND = 2e-4
 """Motion of clamps and obstacles beyond a fold, L, in which a cable with friction falls."""
 DESCENT = Options(radius=0.1, largest_radius=0.3, iterations=400)
 """Of a snap-through: no step crosses a ridge."""
-GRID = np.linspace(0.0, 1.0, 33)
-"""Where shapes are compared."""
 Descent = Callable[[np.ndarray, np.ndarray, Options], tuple[np.ndarray, np.ndarray, int] | None]
 """As `Rod.minimum`."""
 
@@ -120,16 +123,63 @@ def snap_and_record(
         found, end = _further_on(rod, q, F, path, ends, rod.fall)
     if found is None:
         return None
-    found, forked = by_rule(found, shape)
-    jumped, to_fold = _jumped(shape, rod.mesh.interpolate(found.q, GRID)), 0.0 if crossed else np.inf
+    found, forked = by_rule(found, shape, LEANT)
+    jumped = _jumped(shape, rod.mesh.interpolate(found.q, GRID))
+    to_fold = 0.0 if crossed else np.inf
     if jumped and not crossed:
-        earlier = margins[-2:-1] or _earlier_margin(before, q, F, path, at, step, tolerance)
-        to_fold = min((_to_fold(at, margin, *one) / step for one in earlier), default=np.inf)
+        long = max(_length(path, at, at + step), 1e-300)
+        for fine in FINE:
+            least = step * max(1.0, fine / long)
+            earlier = [one for one in margins[-2:-1] if at - one[0] >= least]
+            earlier = earlier or _earlier_margin(before, q, F, path, at, least, tolerance)
+            to_fold = min((_to_fold(at, margin, *one) / least for one in earlier), default=np.inf)
+            if to_fold <= FOLD:
+                break
     forks = forks or (forked and not jumped)
+    after = found.energy if end <= at + step else _energy(found, path(at), tolerance)
     record = SnapThrough(
-        at, energy, found.energy, twist, found.twist, jumped, touched, margin, to_fold, crossed, forks
+        at, energy, after, twist, found.twist, jumped, touched, margin, to_fold, crossed, forks
     )
     return found, record, end
+
+
+def _length(path: Callable[[float], Conditions], begin: float, end: float) -> float:
+    """Length, L, of the path between two fractions of it; inf without obstacles."""
+    a, b = path(begin), path(end)
+    if a.obstacles is None or b.obstacles is None:
+        return np.inf
+    return travel(a.qe, a.re, a.obstacles, b.qe, b.re, b.obstacles)
+
+
+def _energy(found: Found, conditions: Conditions, tolerance: float) -> float:
+    """Energy, EI / L, of an equilibrium's branch under other conditions nearby; its own if that fails."""
+    rod, energy = found.rod, found.energy
+    put_back, there = rod.kept(), (conditions.qe, conditions.re, conditions.f)
+    code, _, q, F = rod.advance(found.q, found.F, *there, tolerance, 0.35, conditions.obstacles)
+    if code == warm_step.ADVANCED:
+        energy = rod.linearize(q, F)[0]
+    put_back()
+    rod.refactor(found.q, found.F)
+    return energy
+
+
+def left_on_refining(before: Found, after: Found) -> tuple[Found, SnapThrough] | None:
+    """The snap-through, with where it leads, of an equilibrium `before` whose finer mesh led to `after`.
+
+    A branch may end a little earlier than a coarse mesh tells. None if it has not left its branch, or is free
+    to turn there.
+    """
+    rod = before.rod
+    shape = rod.mesh.interpolate(before.q, GRID)
+    if not _jumped(shape, after.rod.mesh.interpolate(after.q, GRID), AWAY):
+        return None
+    if after.rod._softest() < FREE_TO_TURN:
+        return None
+    margin = rod._softest() if rod.refactor(before.q, before.F) else 0.0
+    touched = rod.frictional and bool(rod.contact_force().any()) and not rod.remembers
+    after, _ = by_rule(after, shape, LEANT)
+    energies, twists = (before.energy, after.energy), (before.twist, after.twist)
+    return after, SnapThrough(1.0, *energies, *twists, True, touched, margin, 0.0)
 
 
 def _earlier_margin(
@@ -169,14 +219,19 @@ def snap_through(
 ) -> Found | None:
     """Descend the energy from (q, F) under the given conditions, in steps too short to cross a ridge.
 
-    Returns the stable equilibrium at the end; None if none was reached. `descend`: else `rod.minimum`.
+    Returns the stable equilibrium at the end; None, with the rod as it was, if none was reached. `descend`:
+    else `rod.minimum`.
     """
+    put_back = rod.kept()
     rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
     # of two mirror images always the same one, whatever the last bit
     q = rod.retract(rod.on_end(q), PERTURBATION * rod.start_vector())
     found = settled(rod, (descend or rod.minimum)(q, F, DESCENT))
     # soft obstacles may have held it where hard ones do not
-    return found if found is None or rod.refactor(found.q, found.F) else None
+    if found is not None and rod.refactor(found.q, found.F):
+        return found
+    put_back()
+    return None
 
 
 def _further_on(
@@ -191,7 +246,7 @@ def _further_on(
     for end in ends:
         spare = max(SNAP_WORK - rod.work, 0.0)
         rod.work += spare
-        rod.refactor(q, F)  # the descent before may have changed the mesh
+        rod.refactor(q, F)  # the descent before has left other factors
         found = snap_through(rod, q, F, path(end), descend)
         rod.work -= spare
         if found is not None:

@@ -21,7 +21,7 @@ from cable_ros.branch.cold_start import (
 )
 from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.extremes import Obstacles, Reading, extremes
-from cable_ros.branch.snap_through import FREE_TO_TURN, SnapThrough
+from cable_ros.branch.snap_through import FREE_TO_TURN, SnapThrough, left_on_refining
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB
@@ -223,14 +223,18 @@ class TrackedEquilibrium(CableModel):
         iterations = 0
         accept = ACCEPT_ROUGH if rod.frictional and not rod.lies else ACCEPT
         if max(self._estimate, beside) > accept * self.tolerance or sinks:
-            before = rod, self._q, self._F
-            fine, estimate = refine(Found.at(*before), self.tolerance)
-            iterations = fine.iterations
+            before = Found.at(rod, self._q, self._F)
+            fine, estimate = refine(before, self.tolerance)
+            iterations, snapped = fine.iterations, left_on_refining(before, fine)
+            fine = fine if snapped is None else snapped[0]
             self._take(fine, self._joints)
             rod, self._estimate = fine.rod, estimate
             sinks = rod.unresolved(self._q, LENIENT).any()
-            if (rod.forgot or sinks or self._estimate > self.tolerance) and self._onto_grid(*before):
+            amiss = rod.forgot or sinks or self._estimate > self.tolerance or snapped is not None
+            if amiss and self._onto_grid(before.rod, before.q, before.F):
                 return iterations, ""
+            if snapped is not None:
+                self._record_snaps([snapped[1]])
             beside = rod.clamp_errors(self._q, self._F).max()
         self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
         if self._estimate > self.tolerance:

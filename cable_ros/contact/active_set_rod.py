@@ -39,7 +39,7 @@ from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.without_contact import EASY, SAME, SHORTEST_STEP
 
-GOES = 1e-3
+GOES = 3e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
 KEPT, SETTLES = 1e-3, 0.05
 """Maximum relative change of the total friction as contacts change on a new mesh, and rotation of a section,
@@ -58,6 +58,10 @@ TURN_BACK = 0.5
 and then the cable goes elsewhere."""
 TURN, LEAST_TURN = 0.25, 1 / 128
 """First and least part of mobilised friction that turns back at once."""
+EULER, LOADED = 4.0 * np.pi**2, 0.5
+"""Force that buckles a straight cable between its clamps, EI / L^2; and the part of the stability margin that
+the end force may have changed by, over that, before stability is judged: what is pressed hardly turns first.
+"""
 DENSE = 45.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 
@@ -66,6 +70,9 @@ class ActiveSetRod(FrictionalRod):
     """A rod whose contact points belong to its last equilibrium: `step_in_contact` changes them, together
     with the lengths of the elements, and puts them back if it fails.
     """
+
+    loaded: float = 0.0
+    """Change of the end force since stability was judged, in EULER."""
 
     @property
     def adapts_mesh(self) -> bool:  # type: ignore[override]
@@ -156,6 +163,16 @@ class ActiveSetRod(FrictionalRod):
             self._allocate(mesh)
         points, self.count, self.h[:], self.s0[:] = state
         self.points[: self.count] = points
+
+    def kept(self) -> Callable[[], None]:
+        return partial(self._put_back, self.state(), self.mesh, (self.qe, self.re, self.f, self.obstacles))
+
+    def _put_back(
+        self, state: tuple[np.ndarray, int, np.ndarray, np.ndarray], mesh: Mesh, conditions: tuple[Any, ...]
+    ) -> None:
+        self.restore(state, mesh)
+        self.set_conditions(*conditions)
+        self.ready = False
 
     def lets_go(self, q: np.ndarray, F: np.ndarray, near: float) -> bool:
         """Whether at the equilibrium (q, F) all that holds the cable is a point that hardly presses any more,
@@ -271,6 +288,8 @@ class ActiveSetRod(FrictionalRod):
             code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
         rotation = self.rotation + rotated if self.ready else np.inf
+        was_loaded = self.loaded
+        loaded = was_loaded + float(np.linalg.norm(F_new - F)) / EULER
         if self.model == COULOMB and turned == 0.0 and same and rotation < self.refactor_at:
             # what slips has new factors in most steps: stability need not be judged as often
             turned, self.judged = rotation, False
@@ -288,6 +307,7 @@ class ActiveSetRod(FrictionalRod):
         self._follow(distance, F_new - F)
         self.forked = self.forked or forked
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
+        self.loaded = loaded if self.rotation > 0.0 else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         if moved and remesh and (sunk or not self._remeshing.waits):
             finer = self._remesh(q_new, F_new, iterations, tolerance)
@@ -304,10 +324,13 @@ class ActiveSetRod(FrictionalRod):
         if self.bare:  # what it does against a drag is judged with it
             self.linearize(q_new, F_new)
             left_unstable = not self.factor(self.drag)
+        elif self.loaded > LOADED * self.margin and self.model == FRICTIONLESS:
+            left_unstable, self.loaded = not self.refactor(q_new, F_new), 0.0
         if sunk or left_unstable:
             self.restore(kept, mesh)
             self.set_conditions(*before)
             self.direction, self.ready, self.followed = direction, False, followed
+            self.loaded = was_loaded
             code = warm_step.NOT_CONTRACTING if sunk else warm_step.NOT_CONVEX
             return code, iterations, q_new, F_new
         self.settled = q_new

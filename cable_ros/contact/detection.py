@@ -177,6 +177,8 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
         if leaves[i]:
             count = remove(points, count, i)
             changed = True
+    released, count = release(shape, obstacles, points, count, True)
+    changed = changed or released > 0
     settled, left, count = settle(c, h, s0, points, count, spacing, obstacles, depth)
     if left:  # how the cable dips beside the clamp that pulls it off says nothing of where it lies
         return True, count
@@ -317,8 +319,8 @@ def rise_between(shape, begin, end, obstacle):
 
 
 @njit(**INNER)
-def release(shape, obstacles, points, count):
-    """Drop what has come so near to a clamp that this bears its force: points, and rough patches up to it.
+def release(shape, obstacles, points, count, solved):
+    """Drop what has come so near to a clamp that this bears its force: points, and patches up to it.
 
     See RESTING.
 
@@ -326,6 +328,7 @@ def release(shape, obstacles, points, count):
         shape: `Shape`.
         obstacles: (o, WIDTH).
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        solved: whether the shape is a solution with these points.
 
     Returns:
         How many points are dropped, and the number of those left.
@@ -335,9 +338,9 @@ def release(shape, obstacles, points, count):
     while i < count:
         s, kind, o = points[i, ARC_LENGTH], points[i, KIND], int(points[i, OBSTACLE])
         outer = (kind == FIRST and s > 0.5) or (kind == LAST and s < 0.5)
-        # a smooth patch so short becomes a point before it comes here
-        rough = obstacles[o, FRICTION_COEFFICIENT] > 0.0
-        if (kind == POINT or (outer and rough)) and min(s, 1.0 - s) < RESTING:
+        # on its way to a solution a smooth one may be as short, and grow again
+        final = solved or obstacles[o, FRICTION_COEFFICIENT] > 0.0
+        if (kind == POINT or (outer and final)) and min(s, 1.0 - s) < RESTING:
             gap_at(shape, s, obstacles[o], at)
             if max(at.bends[0], at.bends[1]) * RESTING < EDGED:
                 if kind == POINT:

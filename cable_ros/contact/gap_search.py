@@ -213,6 +213,13 @@ def minimum_beside(shape, samples, k, obstacle, down):
     if k == samples.shape[0] - 2 and abs(up) < LEVEL:
         _, slope, _ = gap_at(shape, 0.25 * low + 0.75 * high, obstacle, at)
         rises = slope >= 0.0
+    if falls != rises:  # beside a maximum there may be a minimum all the same
+        middle = 0.5 * (low + high)
+        _, slope, _ = gap_at(shape, middle, obstacle, at)
+        if falls and slope >= 0.0:
+            high, rises = middle, True
+        elif rises and slope < 0.0:
+            low, falls = middle, True
     if not (falls and rises):
         return -1.0, up
     return lowest(shape, 0.5 * (low + high), 0.5 * (high - low), obstacle), up

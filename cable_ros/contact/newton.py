@@ -53,6 +53,8 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 
 SLOW = 0.15
 """Refactor if an iteration leaves more than this fraction of the error."""
+MOST_TURNS = 4
+"""Maximum number of revisions in a row that undo each other: at a fold what lets go is inside once it has."""
 MOST_REVISIONS, MOST_ITERATIONS, MOST_WITH_FRICTION = 44, 25, 40
 """Maximum number of changes of the active set in a solve, and of iterations between two of them."""
 LOOSE = 1e-2
@@ -177,6 +179,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     tangent, moved, convex = True, False, True  # `tangent`: the tangent step, which moves the end
     steady = model != COULOMB  # whether no direction of friction is part of the iteration
     holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
+    revised, turns = 0, 0  # contacts added in the last revision, and how often as many went as had come
     known = known and ready and (f == last.f).all() and (obstacles == last.obstacles).all()
     for _ in range(MOST_REVISIONS):
         if total > (MOST_FROM_SOFT if softest > 0.0 else MOST_IN_ALL):
@@ -189,7 +192,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
                 edged, count = meet_edges(shape, obstacles, spacing, (depth, give), points, count)
                 moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
-                released, count = release(shape, obstacles, points, count)
+                released, count = release(shape, obstacles, points, count, False)
                 shrunk, count = shrink(points, count, spacing, depth)
                 merged, count = merge(points, count, spacing)
                 changes, count = fill(points, count, h, s0, covered)
@@ -277,9 +280,14 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         # the error of the iteration must not pass for penetration
         left = depth + step * rate
         trace(shape, (F_new, f), contacts, count, obstacles, strain)
+        held = count
         changed, count = update_active_set(
             shape, samples, obstacles, left, left - depth + give, points, count, phi
         )
+        turns = turns + 1 if (count - held) * revised < 0 else 0
+        if turns > MOST_TURNS and model == FRICTIONLESS:
+            return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
+        revised = count - held
         if not changed and presliding > options.presliding:
             presliding = firmer(points, count, obstacles, options, presliding)
             history = History(model, options.direction, presliding, options.bedding, *before)

@@ -17,6 +17,8 @@ PLANAR, OUT, GROWS = 1e-8, 1e-3, 10.0
 """How far a planar shape is out of its plane, half the turn of a section, rad; what shows that a shape is not
 symmetric; and by how much that has grown in a step, for near a fork the mesh and the tolerance of Newton's
 method make one uneven that is the same from both ends."""
+LEANT = 1e-2
+"""As OUT, for a shape that a cable falls from: near a fold rounding has more of a lever."""
 
 
 class Symmetry(NamedTuple):
@@ -48,24 +50,40 @@ def leaves_plane(q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarra
     return max(quaternion.out_of_plane(q, n), ends) < PLANAR
 
 
-def lost_symmetry(q: np.ndarray, q_new: np.ndarray, re: np.ndarray) -> Symmetry | None:
+def lost_symmetry(q: np.ndarray, q_new: np.ndarray, re: np.ndarray, most: float = OUT) -> Symmetry | None:
     """By which a shape was its own image from end to end, and is no longer, although its ends are; or None.
 
     Args:
         q, q_new: (n, 4) frames before and after, at arc lengths that are symmetric.
         re: (3,) end position, L.
+        most: how uneven the shape before may be, OUT or LEANT.
     """
     before, after = quaternion.tangents(q), quaternion.tangents(q_new)
     for kind, sign in ((REVERSED, 1.0), (TURNED, -1.0)):
         was, now = before + sign * before[::-1], after + sign * after[::-1]
-        uneven = _off(was, _axis(was))
         # reflected, all is along the chord; turned, all is along an axis across it
-        axis = _axis(re[None] if kind == REVERSED else was)
+        axis = _axis(re[None]) if kind == REVERSED else _turned_about(now[0], after[0], re, was)
         askew = 0.0 if kind == REVERSED else abs(float(re @ axis))
+        uneven = _off(was, _axis(was) if kind == REVERSED else axis)
         ends = max(_off(now[:1], axis), askew)
-        if ends < PLANAR and uneven < OUT and _off(now, axis) > max(OUT, GROWS * uneven):
+        if ends < PLANAR and uneven < most and _off(now, axis) > max(OUT, GROWS * uneven):
             return Symmetry(kind, axis)
     return None
+
+
+def _turned_about(apart: np.ndarray, begin: np.ndarray, re: np.ndarray, was: np.ndarray) -> np.ndarray:
+    """(3,) axis of the half turn that swaps the ends, which know it better than a shape near a fork.
+
+    Args:
+        apart, begin: (3,) tangent at the start, less that at the end and alone.
+        re: (3,) end position, L.
+        was: (n, 3) tangents before less those from the other end: along the axis, if all three are parallel.
+    """
+    for v in (apart, np.cross(re, begin)):
+        if (axis := _axis(v[None])).any():
+            return axis
+    chord = _axis(re[None])
+    return _axis(was - np.outer(was @ chord, chord))
 
 
 def _axis(v: np.ndarray) -> np.ndarray:

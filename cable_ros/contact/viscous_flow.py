@@ -52,19 +52,19 @@ def flow(
     Returns:
         The stable equilibrium (q, F), factored, and the number of iterations.
     """
-    begin, trial = _state(rod), rod.trial
+    put_back, trial = rod.kept(), rod.trial
     rod.trial = True
     drag, last, floor, energy, spent, rests = FIRST, FIRST, 0.0, np.inf, 0, False
     before = slow = np.inf  # rotation in the last step, and what it must be below to come to rest, rad
     for _ in range(STEPS):
         if rod.work <= 0.0 or drag > LARGEST:
             break
-        here = _state(rod)
+        back, mesh = rod.kept(), rod.mesh
         code, count, arrived = _step(rod, drag, q, F, ends, passed)
         spent += count
         if arrived is not None:
             stored = float(rod.totals[ENERGY])
-            moved = _rotation(here[1], q, rod.mesh, arrived[0])
+            moved = _rotation(mesh, q, rod.mesh, arrived[0])
             if moved <= LONGEST and stored <= energy + ROUNDING * (1.0 + abs(energy)):
                 q, F = arrived
                 rests = drag == 0.0
@@ -75,7 +75,7 @@ def flow(
                     still = drag * moved < STILL and moved < slow
                     drag = 0.0 if still else max(FADES * drag, floor)
                 continue
-        _put_back(rod, *here)
+        back()
         if drag > 0.0:
             drag = floor = GROWS * drag
         elif code == warm_step.NOT_CONVEX:
@@ -86,7 +86,7 @@ def flow(
     rod.drag, rod.trial, rod.ready = 0.0, trial, False
     if rests and rod.refactor(q, F):
         return q, F, spent
-    _put_back(rod, *begin)
+    put_back()
     return None
 
 
@@ -105,22 +105,3 @@ def _step(
 def _rotation(mesh: Mesh, q: np.ndarray, mesh_new: Mesh, q_new: np.ndarray) -> float:
     """Largest rotation of a section, rad, from q (n, 4) on one mesh to q_new (k, 4) on another."""
     return quaternion.largest_rotation(mesh.interpolate(q, mesh_new.nodes), q_new)
-
-
-State = tuple[tuple[np.ndarray, int, np.ndarray, np.ndarray], Mesh, tuple[np.ndarray, ...]]
-
-
-def _state(rod: ActiveSetRod) -> State:
-    """What `_put_back` needs."""
-    assert rod.obstacles is not None
-    return rod.state(), rod.mesh, (rod.qe, rod.re, rod.f, rod.obstacles)
-
-
-def _put_back(
-    rod: ActiveSetRod, state: tuple[np.ndarray, int, np.ndarray, np.ndarray], mesh: Mesh,
-    conditions: tuple[np.ndarray, ...],
-) -> None:  # fmt: skip
-    """The rod as it was."""
-    rod.restore(state, mesh)
-    rod.set_conditions(*conditions)
-    rod.ready = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -110,6 +111,10 @@ class Rod(WithoutContact):
     ) -> None:
         """End frame (4,) scalar first, end position (3,), load (3,) per length; see `TouchingRod`."""
         self.qe, self.re, self.f = qe, re, f
+
+    def kept(self) -> Callable[[], None]:
+        """A function that puts back the conditions of now, and the contacts, if any, with their mesh."""
+        return partial(self.set_conditions, self.qe, self.re, self.f, self.obstacles)
 
     def chord(self, qe: np.ndarray, re: np.ndarray) -> float:
         """Least distance of the cable's ends, L, with an end frame qe (4,) at re (3,)."""

@@ -32,3 +32,26 @@ def test_what_slips_slips_on_after_a_change_of_mesh() -> None:
     assert code == warm_step.ADVANCED
     assert rod.count > count
     assert (rod.points[: rod.count, SLIPS] == 1.0).mean() > 0.95
+
+
+def test_what_is_put_back_is_the_mesh_its_contacts_and_the_conditions() -> None:
+    """A descent that failed left its own: the next index was out of bounds."""
+    case = drawn_case(132, 100, 1e-4)
+    tracker = Tracker(load_scene(case.scene, urdf=case.urdf), tolerance=case.tolerance)
+    tracker.solve(case.path[0])
+    (cable,) = tracker._tracked_cables
+    rod = cable.rod
+    assert isinstance(rod, ActiveSetRod)
+    count, mesh, end = rod.count, rod.mesh, rod.re
+    points = rod.points[:count].copy()
+    put_back = rod.kept()
+    rod.set_conditions(rod.qe, rod.re + 0.1, rod.f, rod.obstacles)
+    rod.refined(cable.q)
+    assert len(rod.h) == 2 * len(mesh.lengths)
+    put_back()
+    assert rod.mesh is mesh
+    assert rod.re is end
+    assert rod.count == count
+    changes = points.shape[1] - 1
+    assert (rod.points[:count, :changes] == points[:, :changes]).all()
+    assert rod.refactor(cable.q, cable.end_force)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_ros.contact.symmetry import leaves_plane, lost_symmetry
+from cable_ros.contact.symmetry import LEANT, OUT, leaves_plane, lost_symmetry
 from cable_ros.rod import quaternion
 
 GRID = np.linspace(0.0, 1.0, 33)
@@ -21,7 +21,7 @@ PLANAR = np.stack([np.sin(3.0 * GRID**2), NONE, np.cos(3.0 * GRID**2)], axis=1)
 AHEAD = np.array([0.0, 0.0, 1.0])
 
 
-def lost(before: np.ndarray, change: tuple[np.ndarray, ...], size: float) -> bool:
+def lost(before: np.ndarray, change: tuple[np.ndarray, ...], size: float, uneven: float = OUT) -> bool:
     """Whether symmetry is lost as tangents (33, 3), of any length, change by `size` times three columns."""
     shapes = []
     for t in (before, before + size * np.stack(change, axis=1)):
@@ -30,7 +30,7 @@ def lost(before: np.ndarray, change: tuple[np.ndarray, ...], size: float) -> boo
     position = np.mean(quaternion.tangents(shapes[0]), axis=0)  # the ends stay where they are
     if before is PLANAR:
         return leaves_plane(*shapes, shapes[1][-1], position)
-    return lost_symmetry(*shapes, position) is not None
+    return lost_symmetry(*shapes, position, uneven) is not None
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_what_is_its_own_image(
     assert not lost(shape, keeps, 0.1)
     assert lost(shape, breaks, 0.1)
     assert not lost(shape, breaks, 1e-4)  # that may be rounding of a step near the fork
-    askew = shape + 1e-3 * np.stack(breaks, axis=1)
+    askew = shape + 3.0 * OUT * np.stack(breaks, axis=1)
     assert not lost(askew, breaks, 0.1)
 
 
@@ -58,3 +58,11 @@ def test_ends_that_move_apart_unevenly() -> None:
     at_the_end = (NONE, GRID, NONE)
     for shape in (LOOP, BOW, PLANAR):
         assert not lost(shape, at_the_end, 0.1)
+
+
+@pytest.mark.parametrize("breaks", [(NONE, NONE, ODD), (ODD, NONE, NONE)])
+def test_shape_that_leans_before_it_falls(breaks: tuple[np.ndarray, ...]) -> None:
+    """What leans does not tilt the axis of the half turn, which the ends know."""
+    leans = BOW + 3.0 * OUT * np.stack(breaks, axis=1)
+    assert lost(leans, breaks, 0.3, LEANT)
+    assert not lost(leans, breaks, 0.3)
