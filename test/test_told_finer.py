@@ -37,7 +37,7 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
     [
         # without friction: what a refined mesh fell to, what a margin that had not been renewed hid, and what
         # a descent took for the branch
-        ((145, 50, "tray"), 5),
+        ((145, 50, "tray"), 2),
         ((145, 14, "wall"), 170),
         ((145, 88, "beams"), 5),
         # slip turns back as the force falls: it went on the way its friction pushed
