@@ -172,6 +172,8 @@ def continue_branch(
                 return ended(End.TAUT)
             continue
         in_a_row = 0
+        if code == warm_step.NOT_CONVEX and rod.frictional:
+            rod.refactor_at = 0.0  # from here on each step is judged
         if rod.chord(conditions.qe, conditions.re) >= 1.0 and step < BEYOND * longest:
             rod.refactor(q, F)
             return ended(End.BEYOND_REACH)

@@ -28,7 +28,7 @@ from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, 
 from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY, SearchedEquilibrium
 from cable_ros.branch.tracked_equilibrium import conditions_of
-from cable_ros.contact.friction_kernels import SLIDING
+from cable_ros.contact.friction_kernels import COULOMB, SLIDING
 from cable_ros.contact.shortest_path import gets_taut
 from cable_ros.contact.travel import travel
 from cable_ros.equilibrium import Equilibrium, Status
@@ -57,6 +57,9 @@ place they grow again."""
 LEAST_SHARE, LEAST_SHARE_LYING = 0.01, 1e-3
 """Unless its steps, halved again and again, were still longer than this when the budget was used up. On a
 grid a step that fails may cost all of it, and where the cable falls several do."""
+MOST_SNAPS = 12
+"""Maximum number of snap-throughs with friction on the way to one pose: a joint value that no robot has would
+lead round and round."""
 SAME_TWIST = 1e-2
 """Maximum difference of total twist, rad, of one equilibrium on two meshes."""
 FAR = 1.0
@@ -288,6 +291,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
             self._take_by_rule(*shape)
             rod = self._rod
         slow = rod.on_grid or rod.lies
+        snapped = sum(snap.jumped for snap in result.snaps) if self._model == COULOMB else 0
+        self._snapped = 0 if result.end is End.ARRIVED else self._snapped + snapped
         least = PROGRESS_LYING if slow else PROGRESS
         progressed = result.at >= least * longest or any(snap.folded for snap in result.snaps)
         # another rod, or a whole budget, may get farther
@@ -299,6 +304,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         goes_on = crawls or untried or share < result.step < first
         if not progressed and result.end is End.UNFINISHED and goes_on:
             progressed, self._share = True, result.step / longest
+        progressed &= self._snapped <= MOST_SNAPS
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
             rod.refactor(self._q, self._F)
             if self._remembers and not any(snap.jumped for snap in result.snaps):
@@ -333,6 +339,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
             return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
         beyond = result.end is End.BEYOND_REACH
         why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
+        if self._snapped > MOST_SNAPS:
+            why, self._snapped = f"it had snapped {self._snapped} times", 0
         if self._model == SLIDING and rod.frictional and not beyond:
             # that friction has no history: where the next pose has an equilibrium with it, it is found
             self._turned_over += 1

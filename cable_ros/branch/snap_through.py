@@ -47,6 +47,8 @@ AHEAD = 100.0
 PUSH = 1e-7
 """Rotation of the sections with which it begins, rad: of two mirror images always the same one, whatever the
 12th digit of the joints."""
+UNEVEN = 1.5
+"""Power of the arc lengths at which that bulges: it is not its own image from end to end either."""
 BEYOND = 2e-4
 """Motion of clamps and obstacles beyond a fold, L, in which a cable with friction falls."""
 DESCENT = Options(radius=0.1, largest_radius=0.3, iterations=400)
@@ -187,6 +189,7 @@ def _earlier_margin(
     tolerance: float,
 ) -> list[tuple[float, float]]:  # fmt: skip
     """A fraction of the path a little before (q, F), and the stability margin there; or an empty list."""
+    put_back = rod.kept()  # a step may change the mesh
     for many in STEPS_BACK:
         if not rod.refactor(q, F):
             return []
@@ -195,14 +198,20 @@ def _earlier_margin(
         code, _, q_back, F_back = rod.advance(
             q, F, there.qe, there.re, there.f, tolerance, 0.35, there.obstacles
         )
-        if code == warm_step.ADVANCED and rod.refactor(q_back, F_back):
-            return [(back, rod._softest())]
+        stable = code == warm_step.ADVANCED and rod.refactor(q_back, F_back)
+        margin = rod._softest() if stable else np.nan
+        put_back()
+        if stable:
+            return [(back, margin)]
     # next to the fold Newton's method fails, and a descent of the energy does not
     shape, back = rod.mesh.interpolate(q, GRID), at - STEPS_BACK[0] * step
     snapped = snap_through(rod, q, F, path(back))
-    if snapped is None or _jumped(shape, rod.mesh.interpolate(snapped.q, GRID), AWAY):
+    if snapped is None:
         return []
-    return [(back, rod._softest())]
+    left = _jumped(shape, rod.mesh.interpolate(snapped.q, GRID), AWAY)
+    margin = np.nan if left else rod._softest()
+    put_back()
+    return [] if left else [(back, margin)]
 
 
 def _to_fold(at: float, margin: float, before: float, margin_before: float) -> float:
@@ -271,7 +280,7 @@ def fall_with_friction(
     energy, twist = rod.linearize(q, F)[0], float(rod.totals[TWIST])
     spare = max(SNAP_WORK - rod.work, 0.0)
     rod.work += spare
-    begin = rod.on_end(aside(q, rod.mesh.nodes, PUSH))
+    begin = rod.on_end(aside(q, rod.mesh.nodes**UNEVEN, PUSH))
     fallen = rod.fall_with_friction(begin, F, there.qe, there.re, there.f, there.obstacles)
     rod.work -= spare
     if fallen is None:

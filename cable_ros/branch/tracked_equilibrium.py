@@ -89,6 +89,7 @@ class TrackedEquilibrium(CableModel):
         self._estimate = self._margin = np.nan
         self._apart = np.inf
         self._turned_over = 0  # poses in a row that the friction of `friction_model: sliding` kept it from
+        self._snapped = 0  # times with friction on the way to a pose that has not been reached yet
         self._crawled = 0  # solves in a row that hardly got on
         self._share = 1.0  # of the longest step: what is left to try after a budget without progress
         self._taut_force = VERY_TAUT  # end force, EI / L^2, from which this branch is known to be taut

@@ -34,6 +34,7 @@ from cable_ros.contact.points import (
     OBSTACLE,
     POINT,
     SHIFT,
+    SWINGS,
     WAS,
 )
 from cable_ros.contact.stretched import internal_forces, trace
@@ -183,9 +184,12 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
             for a in range(3):
                 at.r[a] += motion[a]
         gaps[i], terms.tilts[i], curvature = gap_here(obstacle, at)
-        if points[i, KIND] == POINT and np.signbit(points[i, SHIFT]):
-            # on the mesh the curvature may jump at the point: that on the side to which the point goes counts
-            _, _, curvature = gap_at(shape, s - BESIDE, obstacle, other)
+        swings = points[i, SWINGS] > 0.0 and history.model == FRICTIONLESS
+        if points[i, KIND] == POINT and (np.signbit(points[i, SHIFT]) or swings):
+            # on the mesh the curvature may jump at the point: that on the side to which it goes counts, or
+            # the mean of both if it goes to and fro
+            _, _, before_it = gap_at(shape, s - BESIDE, obstacle, other)
+            curvature = 0.5 * (before_it + curvature) if swings else before_it
         terms.curvature[i] = max(curvature, 1e-9) if points[i, KIND] == POINT else 0.0
         for a in range(3):
             normals[i, a], terms.t[i, a], terms.dt[i, a] = at.n[a], at.t[a], at.dt[a]

@@ -19,8 +19,11 @@ from cable_ros.contact.points import (
     COLUMNS,
     FRICTION,
     KIND,
+    POINT,
     SAMPLE,
     SLIP_ROW,
+    SLOPE_ROW,
+    STICK_ROW,
     total_force,
 )
 from cable_ros.contact.resolution import misplaced
@@ -269,6 +272,7 @@ class ConstrainedRod(Rod):
         """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
         friction = model, self.direction, self.presliding, self.bedding
         history = *friction, self.c, self.c, self.h, self.s0, self.obstacles
+        assert len(q) == len(self.mesh.nodes)  # compiled code does not look
         return int(assemble_kkt(
             self.shape(q), (F, self.f), self.section, self.obstacles, history, self.contacts, self.count,
             self.kkt(self._factors(self.complement)),
@@ -292,9 +296,26 @@ class ConstrainedRod(Rod):
         reach, give = self.strain[2], self.end_compliance
         turning = self._turning_rows()
         kept, self.V[turning] = self.V[turning], 0.0  # friction as it is
-        definite = entry_points.kkt_factor(mu, system, self.V, self.delta, reach, give, self.rows, equalities)
+        carried = self._carried_rows()
+        W = self.V if not len(carried) else self.V.copy()
+        W[carried] = self.W[carried]
+        rows = self.V, W, self.delta
+        try:
+            stable = entry_points.kkt_factor(
+                mu, system, rows, len(carried) > 0, reach, give, self.rows, equalities
+            )
+        except np.linalg.LinAlgError:
+            stable = False
         self.V[turning] = kept
-        return bool(definite)
+        return bool(stable)
+
+    def _carried_rows(self) -> np.ndarray:
+        """Numbers of the constraint rows by which a point that sticks and rolls takes its friction along."""
+        if self.model != COULOMB or self.compliance.any():
+            return NO_ROWS
+        points = self.points[: self.count]
+        rolls = (points[:, KIND] == POINT) & (points[:, STICK_ROW] > 0.0) & (points[:, SLOPE_ROW] > 0.0)
+        return points[rolls, SLOPE_ROW].astype(int)
 
     def _turning_rows(self) -> np.ndarray:
         """Numbers of the constraint rows by which friction turns with the cable."""

@@ -45,6 +45,8 @@ from cable_ros.rod.centreline import shape as shape_functions
 
 STIFFER = 1.5
 """Maximum ratio, or its inverse, of friction's stiffness to that in the constraint rows that still serve."""
+BESIDE_CLAMP = 0.02
+"""Distance to a clamp, L, within which a point hardly rolls."""
 FAINT = 1e-9
 """EI / L^2; a point with less force than this turns no force by its motion."""
 
@@ -201,6 +203,11 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             total += 1
         for b in range(begin, total):
             copy(V[b], W[b])
+        rests = points[i, KIND] == POINT and points[i, SLOPE_ROW] > 0.0 and friction[STIFFNESS] > 0.0
+        away = min(points[i, ARC_LENGTH], 1.0 - points[i, ARC_LENGTH]) > BESIDE_CLAMP
+        if rests and away and not soft:
+            same = False
+            take_along(points[i], turn, W[int(points[i, SLOPE_ROW])], 3 * first)
         if slip and friction[STIFFNESS] == 0.0 and points[i, FORCE] >= FAINT and not soft:
             points[i, SLIP_ROW] = total
             turning_rows(
@@ -223,6 +230,23 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
     if soft:
         same = not row_reaches(shape, obstacles, contacts, count, terms, rows, total, strain) and same
     return total, same
+
+
+@njit(**LEAF)
+def take_along(point, turn, own, first):
+    """Add a point's friction to the row `own` (3n,) along which the force that holds its slope acts.
+
+    Both move along the cable as it rolls.
+
+    Args:
+        point: (COLUMNS,).
+        turn: (3, nd) derivative of the tangent at its arc length.
+        first: column of the first node of its element.
+    """
+    for a in range(3):
+        part = point[FRICTION + a] / point[FORCE]
+        for j in range(turn.shape[1]):
+            own[first + j] += part * turn[a, j]
 
 
 @njit(**INNER)
@@ -344,11 +368,8 @@ def turning_rows(at, by_position, turn, first, b, rows, gaps):
             lines[b + k, a] = 0.0
     row(W, b, n, by_position)
     row(W, b + 1, other, by_position)
-    if slides:  # it takes its friction along
-        k = int(point[SLOPE_ROW])
-        for j in range(turn.shape[1]):
-            for a in range(3):
-                W[k, first + j] += mu * d[a] * turn[a, j]
+    if slides:
+        take_along(point, turn, W[int(point[SLOPE_ROW])], first)
 
 
 @njit(**LEAF)

@@ -219,8 +219,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 steady = same or model != COULOMB
             if full and same:
                 convex = kkt_factor(
-                    tangents, drag, order, factors, V, rows.delta, strain.reach, strain.give, total_rows,
-                    3 + count,
+                    tangents, drag, order, factors, V, V, False, rows.delta, strain.reach, strain.give,
+                    total_rows, 3 + count,
                 )  # fmt: skip
             elif full:
                 skew_factor(kkt, total_rows, order, drag)

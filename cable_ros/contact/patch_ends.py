@@ -45,6 +45,8 @@ BACK = 0.9
 """Motion back over the last motion from which a point swings: Newton's method leads it to no place."""
 SLIGHT = 1e-4
 """The least of such a motion, in spacings."""
+RETURNS = 0.4
+"""The same from which it goes to and fro; SWINGS is 0.5 at least from then on."""
 MEETS = 0.1
 """Distance, in spacings, at which two patches meet."""
 RIPPLE = 0.5
@@ -87,8 +89,11 @@ def move_ends(points, count, y, spacing):
         if points[i, FORCE] < 0.0 and points[i, KIND] != POINT:
             shift = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
         last, points[i, SHIFT] = points[i, SHIFT], shift
-        back_again = shift * last < 0.0 and abs(shift) > max(BACK * abs(last), SLIGHT * spacing)
-        points[i, SWINGS] = points[i, SWINGS] + 1.0 if back_again else 0.0
+        back_again = shift * last < 0.0 and abs(shift) > RETURNS * abs(last)
+        if back_again and abs(shift) > max(BACK * abs(last), SLIGHT * spacing):
+            points[i, SWINGS] += 1.0
+        elif back_again or points[i, SWINGS] > 0.0:
+            points[i, SWINGS] = 0.5
         if CREEP * last * last < shift * last < last * last:
             shift, points[i, SHIFT] = shift / (1.0 - shift / last), np.copysign(0.0, shift)
         shift = min(max(shift, -STRIDE * spacing), STRIDE * spacing)

@@ -28,7 +28,7 @@ CALM, LONGEST = 0.03, 0.3
 """Maximum rotation of a section in a step, rad, after which the drag fades, and of any step."""
 STILL = 1e-4
 """Maximum drag times that rotation, rad, of a cable that is all but at rest."""
-STEPS = 60
+STEPS = 150
 """Maximum number of steps."""
 TOLERANCE, LIMIT = 1e-7, 0.6
 """Of Newton's method in a step: its last rotation, and the maximum of any, rad."""
@@ -95,10 +95,12 @@ def _step(
 ) -> tuple[int, int, tuple[np.ndarray, np.ndarray] | None]:
     """Code and iterations of a step against this drag, and where it arrives; None if it does not."""
     mesh, before, held = rod.mesh, rod.obstacles, rod.touched()
-    rod.drag, rod.ready = drag, False
+    rod.drag, rod.ready, rod.refactor_at = drag, False, 0.0  # a step against too little drag leads across
     code, count, q_new, F_new = rod.step_in_contact(q, F, *ends[:3], TOLERANCE, LIMIT, ends[3], drag == 0.0)
     if code != warm_step.ADVANCED or passed(q, F, q_new, F_new, mesh, before, held):
         return code, count, None
+    if drag == 0.0 and not rod.refactor(q_new, F_new):
+        return warm_step.NOT_CONVEX, count, None
     return code, count, (q_new, F_new)
 
 

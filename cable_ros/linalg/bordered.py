@@ -188,17 +188,22 @@ def saddle_step(g, c, C, order, factors, s, dF):
 
 
 @njit(**INNER)
-def kkt_factor(tangents, mu, order, factors, V, delta, reach, give, count, equalities):
+def kkt_factor(tangents, mu, order, factors, V, W, skew, delta, reach, give, count, equalities):
     """`factor` with more constraint rows; whether the whole is a strict minimum.
 
     With H' = H + mu D + sum v v^T / delta over the rows of V beyond the equalities, the bordered matrix has
     as many negative eigenvalues as there are equalities and positive deltas exactly where H' is positive on
     the equalities' tangent space. A row with delta 0 is an equality, too.
 
+    Where multipliers act along other rows W there is no energy, and the cable is stable if no eigenvalue is
+    negative. Each that is turns the determinant's sign: where that differs from the sign with W = V, one that
+    was negative is not any more, or the first one is.
+
     Args:
         tangents, mu, order: as in `factor`.
         factors: `Factors` of `count` rows or more, overwritten.
         V, delta: (rows, 3n) constraint rows, (rows,) their compliances.
+        W, skew: (rows, 3n) the directions in which the multipliers act, and whether these differ from V.
         reach: (rows, rows) how far the constraints give way to the multipliers by axial strain, or (0, 0).
         give: (3, 3) how far the end position gives way to the end force.
         count: number of rows.
@@ -216,7 +221,22 @@ def kkt_factor(tangents, mu, order, factors, V, delta, reach, give, count, equal
         S[a, a] += delta[a]
         if a >= equalities and delta[a] >= 0.0:
             expected += 1
-    return worst > SINGULAR and negative + dense.positive(S[:count, :count]) == expected
+    positive = dense.positive(S[:count, :count])
+    unstable = negative + positive - expected
+    if not skew or worst <= SINGULAR:
+        return worst > SINGULAR and unstable == 0
+    complement(V, W, count, order, factors)
+    add_reach(reach, count, S)
+    add_reach(give, 3, S)
+    for a in range(count):
+        S[a, a] += delta[a]
+    small, swaps = complement_factors(S, count)
+    odd = (
+        count - positive
+    ) % 2 == 1  # signs of the determinants of S and of what it was with W = V, together
+    for a in range(count):
+        odd = odd ^ (swaps[a] != a) ^ (small[a, a] < 0.0)
+    return unstable == (1 if odd else 0)
 
 
 @njit(**LEAF)

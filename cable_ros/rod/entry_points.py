@@ -58,12 +58,13 @@ def saddle_step(g, c, order, system, s, dF):
 
 
 @njit(**OPTIONS)
-def kkt_factor(mu, system, V, delta, reach, give, count, equalities):
+def kkt_factor(mu, system, rows, skew, reach, give, count, equalities):
     """See `bordered.kkt_factor`."""
     system = system_of(system)
     order = system.tangents.elastic.shape[1] // 3 - 1
+    V, W, delta = rows
     return bordered.kkt_factor(
-        system.tangents, mu, order, system.factors, V, delta, reach, give, count, equalities
+        system.tangents, mu, order, system.factors, V, W, skew, delta, reach, give, count, equalities
     )
 
 

@@ -124,7 +124,7 @@ def test_what_has_a_compliance_is_held_by_springs(seed: int, extra: int, force: 
     factors = bordered.Factors(rod.A, rod.L, rod.pivots, Y, S)
     root = np.random.default_rng(seed).normal(size=(3, 3))
     give, none = soft * root @ root.T, np.zeros((0, 0))
-    convex = bordered.kkt_factor(tangents(rod), 0.0, ORDER, factors, V, delta, none, give, rows, 3)
+    convex = bordered.kkt_factor(tangents(rod), 0.0, ORDER, factors, V, V, False, delta, none, give, rows, 3)
     sprung = H + sum((np.outer(v, v) / d for v, d in zip(Vi[3:], delta[3:], strict=True)), np.zeros_like(H))
     if soft:
         sprung, C = sprung + C.T @ np.linalg.solve(give, C), np.zeros((0, len(H)))
@@ -181,3 +181,35 @@ def test_three_by_three_with_zeros_on_the_diagonal() -> None:
     bordered.solve3(S, np.array([1.0, 2.0, 4.0]), x)
     assert x.tolist() == [2.0, 1.0, 2.0]
     assert bordered.negative3(S) == 1
+
+
+@pytest.mark.parametrize("soft", [0.0, 0.1])
+def test_an_eigenvalue_turned_by_rows_that_act_elsewhere_is_told(soft: float) -> None:
+    """Without an energy the sign of the determinant tells whether an eigenvalue has gone through 0."""
+    told: set[tuple[int, int]] = set()
+    for seed in range(60):
+        rod, _ = bent(seed, 2.0)
+        H, C, inner = matrices(rod)
+        V, delta, Vi = constraint_rows(rod, 4, seed)
+        delta[3] *= -100.0  # below 0, as that of a point that rolls: its force pulls the cable along
+        W = V.copy()
+        W[3:] += 2.0 * np.random.default_rng([seed, 7]).normal(size=W[3:].shape)
+        n, none, give = len(rod.elastic), np.zeros((0, 0)), soft * np.eye(3)
+        factors = bordered.Factors(rod.A, rod.L, rod.pivots, np.zeros((7, n)), np.zeros((7, 7)))
+        args = tangents(rod), 0.0, ORDER, factors, V, W, True, delta, none, give, 7, 3
+        stable = bordered.kkt_factor(*args)
+        numbers = []
+        for own in (Vi, W[:, inner]):
+            K = H + sum(np.outer(w, v) / d for w, v, d in zip(own[3:], Vi[3:], delta[3:], strict=True))
+            if soft:
+                basis = np.eye(len(H))
+                K = K + C.T @ C / soft
+            else:
+                basis = np.linalg.svd(C)[2][3:]
+            values = np.linalg.eigvals(basis @ K @ basis.T)
+            numbers.append(int(((values.real < 0.0) & (np.abs(values.imag) < 1e-9)).sum()))
+        without, with_others = numbers
+        if max(numbers) <= 1:  # from one to two the sign changes as from one to none
+            assert stable == (with_others == 0)
+            told.add((without, with_others))
+    assert told == {(0, 0), (1, 0), (0, 1), (1, 1)}
