@@ -172,7 +172,9 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
     points, gaps, normals = contacts
     at, other = surface(), surface()
     before, turned, old = np.empty(3), np.empty(3), np.empty(3)
-    flips = 0
+    flips, alone = 0, history.model == FRICTIONLESS
+    for i in range(count):
+        alone = alone and points[i, KIND] == POINT  # beside a patch a cable is curved as that asks for
     for i in range(count):
         o = int(points[i, OBSTACLE])
         obstacle = obstacles[o]
@@ -184,8 +186,8 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
             for a in range(3):
                 at.r[a] += motion[a]
         gaps[i], terms.tilts[i], curvature = gap_here(obstacle, at)
-        swings = points[i, SWINGS] > 0.0 and history.model == FRICTIONLESS
-        if points[i, KIND] == POINT and (np.signbit(points[i, SHIFT]) or swings):
+        swings = alone and points[i, SWINGS] > 0.0
+        if points[i, KIND] == POINT and (swings or np.signbit(points[i, SHIFT])):
             # on the mesh the curvature may jump at the point: that on the side to which it goes counts, or
             # the mean of both if it goes to and fro
             _, _, before_it = gap_at(shape, s - BESIDE, obstacle, other)
