@@ -231,9 +231,8 @@ def kkt_factor(tangents, mu, order, factors, V, W, skew, delta, reach, give, cou
     for a in range(count):
         S[a, a] += delta[a]
     small, swaps = complement_factors(S, count)
-    odd = (
-        count - positive
-    ) % 2 == 1  # signs of the determinants of S and of what it was with W = V, together
+    # signs of the determinants of S and of what it was with W = V, together
+    odd = (count - positive) % 2 == 1
     for a in range(count):
         odd = odd ^ (swaps[a] != a) ^ (small[a, a] < 0.0)
     return unstable == (1 if odd else 0)
