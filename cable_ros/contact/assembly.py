@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import INNER, LEAF_ENTRY, njit
-from cable_ros.contact.constraint_rows import constraint_rows, update_constraints
+from cable_ros.contact.constraint_rows import BESIDE_CLAMP, constraint_rows, update_constraints
 from cable_ros.contact.contact_state import PointTerms, surface
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, pull
 from cable_ros.contact.friction_kernels import (
@@ -186,7 +186,7 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
             for a in range(3):
                 at.r[a] += motion[a]
         gaps[i], terms.tilts[i], curvature = gap_here(obstacle, at)
-        swings = alone and points[i, SWINGS] > 0.0
+        swings = alone and points[i, SWINGS] > 0.0 and min(s, 1.0 - s) > BESIDE_CLAMP
         if points[i, KIND] == POINT and (swings or np.signbit(points[i, SHIFT])):
             # on the mesh the curvature may jump at the point: that on the side to which it goes counts, or
             # the mean of both if it goes to and fro
