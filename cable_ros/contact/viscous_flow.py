@@ -84,7 +84,7 @@ def flow(
         else:
             drag = floor = last
     rod.drag, rod.trial, rod.ready = 0.0, trial, False
-    if rests and rod.refactor(q, F):
+    if rests:  # `_step` has judged and factored it
         return q, F, spent
     put_back()
     return None
