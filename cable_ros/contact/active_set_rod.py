@@ -41,9 +41,10 @@ from cable_ros.rod.without_contact import EASY, SAME, SHORTEST_STEP
 
 GOES = 3e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
-KEPT, SETTLES = 1e-3, 0.05
-"""Maximum relative change of the total friction as contacts change on a new mesh, and rotation of a section,
-rad: what friction holds may be far from where it would be without."""
+KEPT, SETTLES, PRESSES = 1e-3, 0.05, 0.02
+"""Maximum relative change of the total friction as contacts change on a new mesh, rotation of a section, rad,
+and relative change of the contact forces: what friction holds may be far from where it would be without, and
+an edge that it rolls over may be near."""
 FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 """Maximum rotation of a section in a step with friction: multiple of that in the tangent step, rad per motion
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
@@ -115,11 +116,13 @@ class ActiveSetRod(FrictionalRod):
         assert self.obstacles is not None
         kept, mesh = self.state(), self.mesh
         total = points[:, FRICTION:BEFORE].sum(axis=0)
+        force, size = self.contact_force(), points[:, FORCE].sum()
         self.model = FRICTIONLESS
         code, _, q_new, F_new = self.correct(q, F, tolerance, SETTLES, remesh=False)
         self.model, self.ready = COULOMB, False
         left = self.points[: self.count, FRICTION:BEFORE].sum(axis=0)
         near = code == warm_step.ADVANCED and self._rotated(q, q_new) <= SETTLES
+        near = near and float(np.abs(self.contact_force() - force).max()) <= PRESSES * size
         if near and np.abs(left - total).max() <= KEPT * np.abs(total).max():
             return q_new, F_new
         self.restore(kept, mesh)
