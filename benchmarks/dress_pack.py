@@ -47,9 +47,10 @@ def main() -> None:
     )
     parser.add_argument("--plot", help="file of the picture")
     parser.add_argument("--rate", type=float, help="joint states in a second of the example's path")
+    parser.add_argument("--links-friction", type=float, default=0.0, help="of the links there (default 0)")
     args = parser.parse_args()
     if args.rate:
-        supported(poses(round(10.0 * args.rate)))
+        supported(poses(round(10.0 * args.rate)), args.links_friction)
         return
     begin = time.perf_counter()
     judge = Tracker(load_scene(scene(None)))
@@ -80,9 +81,9 @@ def main() -> None:
         draw(judge, shapes, args.plot)
 
 
-def supported(path: list[dict[str, float]]) -> None:
-    """Print processor times of what the node computes for each joint state."""
-    values = dress_pack.scene()
+def supported(path: list[dict[str, float]], links: float) -> None:
+    """Print processor times of what the node computes for each joint state; `links`: their friction."""
+    values = dress_pack.scene(links=links)
     tracker = Tracker(load_scene(values))
     judge = Tracker(load_scene({key: value for key, value in values.items() if key != "obstacles"}))
     found = tracker.arrive(path[0])

@@ -228,6 +228,7 @@ def main() -> None:
     parser.add_argument("--no-log", action="store_true", help="with the log off")
     parser.add_argument("--memory", type=float, metavar="SECONDS", help="measure memory for so long instead")
     parser.add_argument("--dress-pack", action="store_true", help="a UR10 with a hose, not the space arm")
+    parser.add_argument("--links-friction", type=float, default=0.0, help="of the UR10's links (0)")
     parser.add_argument(
         "-p", "--parameter", action="append", default=[], help="further parameter, NAME:=VALUE"
     )
@@ -239,7 +240,7 @@ def main() -> None:
         scene, motion = share_file("config", "space_arm.yaml"), arm(args.rate)
         if args.dress_pack:
             scene, motion = Path(folder, "dress_pack.yaml"), pick_and_place(args.rate)
-            scene.write_text(json.dumps(dress_pack.scene()))  # JSON is YAML
+            scene.write_text(json.dumps(dress_pack.scene(links=args.links_friction)))  # JSON is YAML
         enabled = str(not args.no_log).lower()
         cable = start(
             ["-m", "cable_ros.ros.cable_node"], f"scene:={scene}", f"log.enabled:={enabled}", *args.parameter

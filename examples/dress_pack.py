@@ -54,8 +54,8 @@ def urdf() -> Path:
     raise FileNotFoundError("the arm is missing: pip install example-robot-data")
 
 
-def scene(friction: float = 0.2) -> dict[str, Any]:
-    """The hose on the arm; `friction` of the ring."""
+def scene(friction: float = 0.2, links: float = 0.0) -> dict[str, Any]:
+    """The hose on the arm; `friction` of the ring, and of the `links`."""
     straight, along = [0.0, 0.0, 0.0], [0.0, np.pi / 2, 0.0]
     supports = [
         {"name": "forearm_clip", "clip": {
@@ -79,7 +79,7 @@ def scene(friction: float = 0.2) -> dict[str, Any]:
         "robot": {"urdf": str(urdf())},
         "gravity": [0.0, 0.0, -9.80665],
         "cables": [hose],
-        "obstacles": [{"robot": {"links": LINKS}}],
+        "obstacles": [{"robot": {"links": LINKS, "friction": links}}],
     }
 
 
@@ -98,9 +98,9 @@ def depth(judge: Tracker, found: Equilibrium, joints: dict[str, float]) -> float
     return max((one.contact_distance - one.distance for one in marked["hose"].overlaps), default=0.0)
 
 
-def run(friction: float, path: Sequence[dict[str, float]]) -> list[Equilibrium]:
-    """Solve the path, and print what came out."""
-    values = scene(friction)
+def run(friction: float, path: Sequence[dict[str, float]], links: float = 0.0) -> list[Equilibrium]:
+    """Solve the path with the `friction` of the ring and that of the `links`, and print what came out."""
+    values = scene(friction, links)
     loaded = load_scene(values)
     print("\n".join(loaded.notes))
     tracker = Tracker(loaded)
@@ -210,10 +210,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="a hose with clips and a ring on a UR10")
     parser.add_argument("--poses", type=int, default=75, help="number of poses (default 75)")
     parser.add_argument("--friction", type=float, default=0.2, help="of the ring (default 0.2)")
+    parser.add_argument("--links-friction", type=float, default=0.0, help="of the robot's links (default 0)")
     parser.add_argument("--plot", help="file of the picture")
     args = parser.parse_args()
     path = poses(args.poses)
-    found = run(args.friction, path)
+    found = run(args.friction, path, args.links_friction)
     if args.plot:
         draw(path, found, args.plot)
 

@@ -47,6 +47,22 @@ def test_the_hose_follows_a_pick_and_place_outside_the_links(example, capsys):
     np.testing.assert_allclose(found[-1].end_wrench, found[0].end_wrench, atol=0.2)
 
 
+def test_the_hose_may_rub_on_the_links(example):
+    """It slips along an edge: see `test_rough_wrist`."""
+    values = example.scene(links=0.2)
+    few, many = (
+        [tracker.arrive(joints)["hose"] for joints in example.poses(poses + 1)]
+        for poses in (75, 1500)
+        for tracker in [Tracker(load_scene(values))]
+    )
+    assert {one.status.name for one in few + many} == {"CONVERGED"}
+    assert sum(contact.sliding for one in many for contact in one.contacts) > 50
+    coarse, fine = (
+        np.array([one.support_wrenches["ring"][:3] for one in results]) for results in (few, many[::20])
+    )
+    np.testing.assert_allclose(coarse, fine, atol=0.02 * np.abs(fine).max())
+
+
 def test_joint_loads_of_the_arm_are_the_slope_of_the_energy(example):
     values = {key: value for key, value in example.scene(0.0).items() if key != "obstacles"}
     tracker = Tracker(load_scene(values), tolerance=1e-8)

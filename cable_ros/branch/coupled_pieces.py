@@ -104,6 +104,7 @@ class CoupledPieces(Released):
             if self._lost:
                 self.pieces[0].distrust(self._lost)
             return self._publish(kinematics, joints, mounts, "", begin, share)
+        self._set_clear(False)
         route = [*self._waiting, joints] if self._rough or self.rubs else [joints]
         self._waiting, steps, snapped = [], 0, ""
         for piece in self.pieces:
@@ -199,8 +200,16 @@ class CoupledPieces(Released):
             mounts = kinematics.poses(there)[self.which]
             steps += 1
             assert self.state is not None
+            self._set_clear(not self.rubbing)
             guess = self._extrapolated(there)
             found = self._newton(kinematics, there, mounts, guess)
+            if not self.rubs and self.rubbing:
+                found = None  # friction acts since the last pose
+            if found is None and not self.rubs:
+                self._set_clear(False)
+                if self.rubs:
+                    self._return()
+                    found = self._newton(kinematics, there, mounts, guess)
             if found is None and self.loose:
                 self._return()
                 guess = self._carried(kinematics.poses(self._joints)[self.which], mounts)
@@ -209,11 +218,14 @@ class CoupledPieces(Released):
                 self._return()
                 found = self._newton(kinematics, there, mounts, self.state)
             distance_here = (target - at) * distance
-            if found is not None and any(piece.hasty for piece in self.pieces) and distance_here > SHORTEST:
+            hasty = any(piece.hasty for piece in self.pieces)
+            if found is not None and hasty and 0.5 * distance_here >= SHORTEST:
                 found = None
-            if found is not None and not self._stable(there, mounts, found):
+            if found is not None and not self._stable(kinematics, there, mounts, found):
                 found = None
             if found is not None:
+                for piece in self.pieces:
+                    piece.arrive()
                 self._accept(there, found)
                 at, step = target, min(2.0 * step, longest)
                 continue
@@ -300,6 +312,8 @@ class CoupledPieces(Released):
                 break
             # other meshes: the balance of the supports is another by their error
             assert self.state is not None
+            self._set_clear(not self.rubbing)
+            self._keep()  # a step with friction begins at what was kept, on its mesh
             exact = self._newton(kinematics, joints, mounts, self.state)
             if exact is None and self.loose:
                 return self._failed(Status.NOT_CONVERGED, OUT_OF_BALANCE, begin)

@@ -92,6 +92,11 @@ class CoupledRun:
         """Whether one of its pieces touches something with friction."""
         return any(piece.rubbing for piece in self.pieces)
 
+    def _set_clear(self, clear: bool) -> None:
+        """Solve all pieces as if nothing rough could hold them, or else with friction."""
+        for piece in self.pieces:
+            piece.clear = clear
+
     @property
     def _comparable(self) -> bool:
         """Whether the last two steps are along the same axes: slip turns, and so do a loose end's axes."""
@@ -227,9 +232,22 @@ class CoupledRun:
 
     def _probe(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
         """As `_renew`, by differences: the pieces' tangents do not know how slip turns friction."""
-        free, at = self.free, self._residual(mounts, state)
+        found = self._differences(kinematics, joints, mounts, state, self._push)
+        if found is None:
+            return False
         self._spread = self._system(mounts, state).spread
-        unit, columns = np.eye(len(free)), np.empty((len(free), len(free)))
+        return self._invert(found[0])
+
+    def _differences(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, state: Shared,
+        *pushes: np.ndarray,
+    ) -> list[np.ndarray] | None:  # fmt: skip
+        """(N, N) `System.tangent` in what is free, for each of `pushes`, see `coupling.assemble`.
+
+        By differences; None: a piece does not follow.
+        """
+        free, at = self.free, [self._residual(mounts, state, push) for push in pushes]
+        unit, out = np.eye(len(free)), [np.zeros((len(free), len(free))) for _ in pushes]
         for k in np.flatnonzero(free):
             size = PROBE * (self.run.length if self._lengths[k] else 1.0)
             for step in (size * unit[k], -size * unit[k]):
@@ -237,15 +255,15 @@ class CoupledRun:
                 if moved is not None:
                     break
             else:
-                return False
-            columns[:, k] = (self._residual(mounts, moved) - at) / step[k]
-        if self._move(kinematics, joints, mounts, state) is None:
-            return False
-        return self._invert(columns)
+                return None
+            for columns, push, before in zip(out, pushes, at, strict=True):
+                columns[:, k] = (self._residual(mounts, moved, push) - before) / step[k]
+        return None if self._move(kinematics, joints, mounts, state) is None else out
 
-    def _residual(self, mounts: np.ndarray, state: Shared) -> np.ndarray:
-        """(N,) of the equations at the pieces' present equilibria."""
-        return residual_of([piece.ends() for piece in self.pieces], self._push, self._loose(mounts, state))
+    def _residual(self, mounts: np.ndarray, state: Shared, push: np.ndarray | None = None) -> np.ndarray:
+        """(N,) of the equations at the pieces' present equilibria; `push`: another than the present one."""
+        push = self._push if push is None else push
+        return residual_of([piece.ends() for piece in self.pieces], push, self._loose(mounts, state))
 
     def _loose(self, mounts: np.ndarray, state: Shared) -> tuple[Loose, ...]:
         """The loose ends as their equations see them."""
@@ -283,8 +301,11 @@ class CoupledRun:
             ends.append([*turning, *[4.0 * stiffness[:2].mean() / length**3] * 3])
         return np.concatenate([out.ravel(), *ends])
 
-    def _stable(self, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
-        """Whether the state is a minimum of the energy, judged again if it has moved."""
+    def _stable(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
+        """Whether the state is a minimum of the energy, judged again if it has moved.
+
+        Friction of obstacles holds a cable, too: what slips resists as its slip turns. Differences tell that.
+        """
         here = np.concatenate([mounts[..., :3].ravel() / self.run.length, mounts[..., 3:].ravel(),
                                state.turns.ravel(), state.arcs / self.run.length,
                                *self._at(state)])  # fmt: skip
@@ -292,16 +313,22 @@ class CoupledRun:
             return True  # what a free end touches counts a whole
         tangent = self.tangent(mounts, state)
         sides, free = tangent.sides(), self.free
-        plain = assemble(sides, np.zeros(len(self._guides)), tangent.loose)
-        margin = judged(plain.hessian, free, self.scale())
+        none = np.zeros(len(self._guides))
+        plain = assemble(sides, none, tangent.loose)
+        system = assemble(sides, self._push, tangent.loose) if self._push.any() else plain
+        hessian, slope = plain.hessian, system.tangent
+        if self.rubs and self.rubbing:
+            rough = self._differences(kinematics, joints, mounts, state, none, self._push)
+            if rough is None:
+                return False
+            hessian, slope = rough
+        margin = judged(hessian, free, self.scale())
         if self._turns_freely and abs(margin) < NEUTRAL:
             margin = NEUTRAL
         if not margin > 0.0:
             return False
-        self.margin, self._judged_at = margin, here
-        system = assemble(sides, self._push, tangent.loose) if self._push.any() else plain
-        self._spread = system.spread
-        return self._invert(system.tangent)
+        self.margin, self._judged_at, self._spread = margin, here, system.spread
+        return self._invert(slope)
 
     def _at(self, state: Shared) -> list[np.ndarray]:
         """Where loose ends are, in lengths and parts of a turn, and what they touch."""

@@ -61,7 +61,7 @@ class Released(Balance):
             self._inverse = self._judged_at = None
             assert self.state is not None
             found = self._newton(kinematics, joints, mounts, self.state)
-            if found is not None and self._stable(joints, mounts, found):
+            if found is not None and self._stable(kinematics, joints, mounts, found):
                 self._accept(joints, found)
                 return None
         self.state = None
@@ -125,7 +125,7 @@ class Released(Balance):
         self._joints, self.state = joints, guess
         self._keep()
         found = self._newton(kinematics, joints, mounts, guess)
-        if found is None or not self._stable(joints, mounts, found):
+        if found is None or not self._stable(kinematics, joints, mounts, found):
             return False
         self._accept(joints, found)
         self._steps = ()
@@ -163,7 +163,7 @@ class Released(Balance):
         force = self.loose[-1].pull(mounts[-1, 1])
         self._loose_piece(-1).begin_with(force, self.state.places(mounts, self.run.length)[-1])
         found = self._newton(kinematics, joints, mounts, self._faced(kinematics, joints, self.state))
-        if found is not None and not any(self._faces) and self._stable(joints, mounts, found):
+        if found is not None and not any(self._faces) and self._stable(kinematics, joints, mounts, found):
             self._accept(joints, found)
             self._steps = ()
             return True
@@ -241,7 +241,7 @@ class Released(Balance):
         if found is not None:
             self.state = found
             found = self._let_slide(kinematics, joints, mounts)
-        if found is None or not self._stable(joints, mounts, found):
+        if found is None or not self._stable(kinematics, joints, mounts, found):
             self._kept = kept
             return None
         return found
@@ -309,7 +309,7 @@ class Released(Balance):
         while at < 1.0:
             self._wound, self._inverse, self._judged_at = min(1.0, at + step), None, None
             on = self._newton(kinematics, joints, mounts, self.state)
-            if on is not None and self._stable(joints, mounts, on):
+            if on is not None and self._stable(kinematics, joints, mounts, on):
                 self.state, at, step = on, self._wound, 2.0 * step
                 self._keep()
                 continue

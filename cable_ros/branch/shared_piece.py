@@ -33,7 +33,7 @@ from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.units import Units, relative
-from cable_ros.rod.without_contact import SAME
+from cable_ros.rod.without_contact import SAME, SHORTEST_STEP
 from cable_ros.scene import Kinematics
 
 MOST_TURN = 0.35
@@ -93,6 +93,10 @@ class SharedPiece(CableTracker):
     _turned = np.nan
     """Rotation, rad, after which its factors were renewed since the last result; inf: not known. NaN: they
     were not."""
+    clear = False
+    """Whether it is solved as if nothing rough could hold it, for it touches nothing."""
+    _far = 0.0
+    """Travel, L, in the step to the present equilibrium from that which was kept last."""
     worked = 0.0
     """Iterations times unknowns since this was set to 0."""
     _spent = 0
@@ -136,7 +140,7 @@ class SharedPiece(CableTracker):
     @property
     def rubs(self) -> bool:
         """Whether friction of obstacles may hold it."""
-        return self._model == COULOMB
+        return self._model == COULOMB and not self.clear
 
     @property
     def rubbing(self) -> bool:
@@ -207,6 +211,12 @@ class SharedPiece(CableTracker):
         self._origin = Kept(self._q, self._F, conditions, rod.mesh, contacts, *where)
         return self._origin
 
+    def arrive(self) -> None:
+        """Count the step from the equilibrium that was kept last: of all that were tried it is the one."""
+        rod, origin = self._rod, self._origin
+        if self.rubs and isinstance(rod, ActiveSetRod) and origin is not None:
+            rod.follow(self._far, self._F - (self.length / origin.length) ** 2 * origin.F)
+
     def holds(self, kept: Kept) -> bool:
         """Whether it is at this equilibrium."""
         return kept.q is self._q and self._rod is not None and kept.mesh is self._rod.mesh
@@ -249,7 +259,8 @@ class SharedPiece(CableTracker):
         self._let_yield(rod, place)
         holds = rod.chord(qe, re) < 1.0 and self.slack > STRAIGHT
         if far <= rod.longest_step and (place.yields is not None or holds):
-            rod.work, rod.patience, rod.short, rod.trial = self._full_budget, 0, False, self.rubs
+            rod.work, rod.patience, rod.short = self._full_budget, 0, False
+            rod.trial = rod.tentative = self.rubs
             for tolerance in (1.0, STALLED):
                 rod.then = then
                 code, iterations, q, F = rod.advance(
@@ -257,11 +268,12 @@ class SharedPiece(CableTracker):
                 )
                 if code != warm_step.NOT_CONTRACTING:
                     break
-            rod.then, rod.trial = SAME, False
+            rod.then, rod.trial, rod.tentative = SAME, False, False
             self.worked += self._full_budget - rod.work
             if code == warm_step.ADVANCED:
                 self._q, self._F, self._joints, self._begin = q, F, joints, place.begin
                 self._spent += iterations
+                self._far = far
                 self._arrived(rod, place)
                 if rod.rotation == 0.0:
                     self._turned = np.fmax(self._turned, rod.rotation_before)
@@ -295,8 +307,12 @@ class SharedPiece(CableTracker):
 
     @property
     def hasty(self) -> bool:
-        """Whether the step to the present equilibrium has changed friction more than a step may."""
-        return self.rubs and self._rod is not None and self._rod.stride < SHORTER
+        """Whether the step to the present equilibrium has changed friction more than a step may.
+
+        What lands changes friction at once: a shorter step than `SHORTEST_STEP` does so no less.
+        """
+        turns = self._rod is not None and self._rod.stride < SHORTER
+        return self.rubs and turns and self._far > SHORTEST_STEP
 
     def _onto_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
         """Not between supports: a grid has one length."""

@@ -39,6 +39,8 @@ from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.without_contact import EASY, SAME, SHORTEST_STEP
 
+FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR
+"""How a step ends that may be solved in another way."""
 GOES = 3e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
 KEPT, SETTLES, PRESSES = 1e-3, 0.05, 0.02
@@ -50,6 +52,10 @@ FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
 LEAST_SOFT = 1e-6
 """Least presliding, L, from which what sticks is made firmer where nothing moves."""
+SHORT = 1e-3
+"""Length of a step, L, up to which points may stay soft, see `Rod.tentative`."""
+STAYS_SOFT = 1 / 256
+"""Part of that which points keep, at which no rounding decides whether they stick or slip."""
 LANDED_AT_ONCE = 1e-4
 """Length of a step, L, above which nothing may come down in one that has to begin with a soft stick."""
 MANY = 8
@@ -65,6 +71,8 @@ the end force may have changed by, over that, before stability is judged: what i
 """
 DENSE = 45.0
 """The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
+Solved = tuple[int, int, bool, float, float, np.ndarray, np.ndarray]
+"""What `ActiveSetRod._newton` returns."""
 
 
 class ActiveSetRod(FrictionalRod):
@@ -268,13 +276,9 @@ class ActiveSetRod(FrictionalRod):
         goal = (qe, re, f), obstacles, (tolerance, limit, self.rotation, self.refactor_at)
         factors = self.A, self.L, self.pivots, Y, S
         found = self._newton(q, F, goal, factors)
-        if self.lies and not self.creeps and found[0] in (warm_step.NOT_CONTRACTING, warm_step.TOO_FAR):
-            spent += found[1]
-            self.restore(kept, mesh)
-            self.ready = False
-            found = self._newton(q, F, goal, factors, max(distance, LEAST_SOFT))
-            if self.count > kept[1] and distance > LANDED_AT_ONCE:
-                found = (warm_step.NOT_CONTRACTING, *found[1:])  # in which order it lands matters
+        if found[0] in FAILED:
+            more, found = self._begin_soft(q, F, goal, factors, found, distance, (kept, mesh))
+            spent += more
         code, iterations, moved, turned, foreseen, q_new, F_new = found
         self.then = SAME
         forked = self.count < kept[1] and self._holds_alone()
@@ -307,7 +311,8 @@ class ActiveSetRod(FrictionalRod):
         sunk, before = self.sunk(q_new, F_new, obstacles), (self.qe, self.re, self.f, self.obstacles)
         followed = self.followed
         self.set_conditions(qe, re, f, obstacles)
-        self._follow(distance, F_new - F)
+        if not self.tentative:
+            self.follow(distance, F_new - F)
         self.forked = self.forked or forked
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.loaded = loaded if self.rotation > 0.0 else 0.0
@@ -339,6 +344,37 @@ class ActiveSetRod(FrictionalRod):
         self.settled = q_new
         return code, iterations, q_new, F_new
 
+    def _begin_soft(
+        self, q: np.ndarray, F: np.ndarray, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...],
+        failed: Solved, distance: float, before: tuple[Any, Mesh],
+    ) -> tuple[int, Solved]:  # fmt: skip
+        """Solve a step that has failed once more, with a stick that is soft at first.
+
+        Along a patch it gets as firm as ever. Points stay a little soft: where they come to rest, a step may
+        have no solution in which each sticks or slips.
+
+        Args:
+            q, F, goal, factors: as of `_newton`.
+            failed: what that returned.
+            distance: length of the step, L; 0 without friction.
+            before: the `state` and the mesh before it.
+
+        Returns:
+            Iterations in vain, and what the last attempt ended in.
+        """
+        lies = self.lies
+        if self.creeps or not (lies or (self.tentative and distance <= SHORT)):
+            return 0, failed
+        self.restore(*before)
+        softest, asked, self.ready = max(distance, LEAST_SOFT), self.presliding, False
+        if not lies:
+            self.presliding = max(asked, STAYS_SOFT * softest)
+        found = self._newton(q, F, goal, factors, softest)
+        self.presliding = asked
+        if self.count > before[0][1] and distance > LANDED_AT_ONCE:
+            found = (warm_step.NOT_CONTRACTING, *found[1:])  # in which order it lands matters
+        return failed[1], found
+
     def _holds_alone(self) -> bool:
         """Whether the last solve dropped one of two mirror images, and the other one holds the cable."""
         points = self.points[: self.count]
@@ -347,7 +383,7 @@ class ActiveSetRod(FrictionalRod):
     def _newton(
         self, q: np.ndarray, F: np.ndarray, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...],
         softest: float = 0.0,
-    ) -> tuple[int, int, bool, float, float, np.ndarray, np.ndarray]:  # fmt: skip
+    ) -> Solved:  # fmt: skip
         """`newton.active_set_newton` from the last equilibrium (q, F).
 
         Args:

@@ -100,7 +100,7 @@ class FrictionalRod(FixedSetRod):
             points[begins, SLIPS] = 1.0
             self.ready = False  # the factors are those of what sticks
 
-    def _follow(self, distance: float, change: np.ndarray) -> None:
+    def follow(self, distance: float, change: np.ndarray) -> None:
         """Add a step of `distance`, L, to the `PathError`, in which the end force changed by (3,)."""
         if self.model != COULOMB or not self.frictional:
             self.followed = NONE

@@ -82,6 +82,9 @@ class WithoutContact:
 
     trial = False
     """Whether a step may change friction more than `stride` allows: who asks for it judges that."""
+    tentative = False
+    """Whether a step is one of several tries of who balances the cable with others: contact points may stay a
+    little soft in it, where it else has no solution, and the path's error does not count it."""
 
     forgot = False
     """Whether a descent has lost friction's history."""

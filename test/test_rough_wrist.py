@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A hose from a forearm through a ring to a wrist that turns, and that rubs on the wrist's rough links."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cable_ros import Tracker
+from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.scene import load_scene
+
+JOINTS = {
+    "w1": ("forearm", "one", "0 0 0.572", "0 1.5708 0", "0 1 0"),
+    "w2": ("one", "two", "0 0.115 0", "0 0 0", "0 0 1"),
+    "w3": ("two", "three", "0 0 0.116", "0 0 0", "0 1 0"),
+}
+"""Parent, child, position, m, and angles, rad, there, and axis of each."""
+CORNERS = np.array([[-1.8, -1.57, 0.0], [-2.3, -1.57, -np.pi], [-1.8, -1.2, 0.0]])
+"""Joint values, rad: the last joint turns half round, and back."""
+
+
+def urdf(pitch: float) -> str:
+    """The wrist; `pitch` of the forearm, rad."""
+    out = ["<link name='base'/><link name='forearm'/><joint name='fix' type='fixed'><parent link='base'/>"
+           f"<child link='forearm'/><origin xyz='0 0 1' rpy='0 {pitch} 0'/></joint>"]  # fmt: skip
+    for name, (parent, child, xyz, rpy, axis) in JOINTS.items():
+        out.append(
+            f"<link name='{child}'/><joint name='{name}' type='continuous'><parent link='{parent}'/>"
+            f"<child link='{child}'/><origin xyz='{xyz}' rpy='{rpy}'/><axis xyz='{axis}'/></joint>"
+        )
+    return "<robot name='wrist'>" + "".join(out) + "</robot>"
+
+
+def scene(length: float) -> dict[str, Any]:
+    """The hose, m long, with friction in the ring and on the links: cylinders with flat ends."""
+
+    def can(name: str, link: str, start: list[float], end: list[float]) -> dict[str, Any]:
+        shape = {"start": start, "end": end, "radius": 0.0465}
+        return {"name": name, "link": link, "friction": 0.2, "cylinder": shape}
+
+    ring = {"link": "forearm", "arc_length": 0.3 * length, "position": [-0.14, 0.0, 0.5], "friction": 0.2}
+    hose = {
+        "name": "hose", "length": length, "linear_density": 0.25, "outer_diameter": 0.016,
+        "stiffness": [0.15, 0.15, 0.12],
+        "start": {"link": "forearm", "position": [-0.115, 0.0, 0.2], "rpy": [0.0, 0.0, 0.0]},
+        "end": {"link": "three", "position": [-0.09, 0.1, 0.0], "rpy": [0.0, np.pi / 2, 0.0]},
+        "supports": [{"name": "ring", "ring": ring}],
+    }  # fmt: skip
+    cans = [
+        can("one", "one", [0.0, 0.1161, 0.0071], [0.0, 0.1161, 0.0636]),
+        can("two", "one", [0.0, 0.1185, -0.0462], [0.0, 0.1185, 0.0098]),
+        can("three", "two", [0.0, -0.0577, 0.1158], [0.0, 0.0626, 0.1158]),
+    ]
+    return {"gravity": [0.0, 0.0, -9.80665], "cables": [hose], "obstacles": cans}
+
+
+def led(pitch: float, length: float, poses: int) -> list[Equilibrium]:
+    """The results along the way from corner to corner and to the last, in so many poses."""
+    tracker = Tracker(load_scene(scene(length), urdf=urdf(pitch)))
+    at = np.linspace(0.0, 2.0, poses + 1)
+    rows = np.column_stack([np.interp(at, np.arange(3), column) for column in CORNERS.T]).tolist()
+    return [tracker.arrive(dict(zip(JOINTS, row, strict=True)))["hose"] for row in rows]
+
+
+@pytest.mark.parametrize(("pitch", "length"), [(2.1, 1.15), (2.4, 1.18), (2.5, 1.17)])
+def test_the_hose_rubs_on_the_links_however_closely_its_path_is_told(pitch, length):
+    """The branch was lost, sooner the closer it was told: where a point comes to rest, Newton's method went
+    round between stick and slip without end.
+    """
+    few, many = (led(pitch, length, poses) for poses in (400, 2000))
+    assert [one.message for one in few + many if one.status is not Status.CONVERGED] == []
+    assert sum(contact.sliding for one in many for contact in one.contacts) > 100
+    rings = [np.array([one.support_wrenches["ring"][:3] for one in results]) for results in (few, many[::5])]
+    np.testing.assert_allclose(*rings, atol=0.01 * np.abs(rings[1]).max())
