@@ -82,12 +82,29 @@ DRAWN = {
     (141, 33): "a rough lift laid flat, in 4 times as many poses: 3.1 % at the last, it says 1.4 %",
     (144, 27): "a weightless cable on a rough ball, told in 4 times as many poses: 1.0 %",
     (144, 29): "weightless, over rough beams, pulled until taut: a pose is reported",
+    (153, 10): "hung under smooth rollers, all but taut: not followed there, nor back",
+    (153, 86): "a heavy hose on a finer path: it slides 8e-4 L the way its friction pushes",
+    (153, 96): "along a rough wall: a contact is said to stick and has moved 8.7e-3 of the length",
+    (153, 140): "over smooth beams: the branch is lost at a fold",
+    (153, 173): "between rough rollers: a grid's error is too large at one pose",
+    (153, 219): "over heavy smooth beams: a grid's error is too large",
     (11, 6): "a ball pushed down on a weightless cable until that is taut",
 }
 """By seed and index of `drawn_case`, what is amiss."""
+OF_A_KIND = {
+    (154, 2, "beams"): "a heavy cable up over a high narrow beam: a cold start finds nothing",
+    (154, 15, "beams"): "the same without friction, at each of 9 poses",
+    (154, 22, "beams"): "along a rough beam: a grid's error is too large at most poses",
+    (154, 9, "ball"): "a light cable on a rough ball: it falls, and friction is forgotten",
+}
+"""By seed, index and kind."""
 
 CASES = (
     *OPEN,
     replace(thin_floor(0.001), name="a weightless loop that rests without force, led aside"),
     *(replace(drawn_case(*key, 1e-4), name=f"drawn {key}: {what}") for key, what in DRAWN.items()),
+    *(
+        replace(drawn_case(seed, index, 1e-4, kind), name=f"drawn {kind} {seed}, {index}: {what}")
+        for (seed, index, kind), what in OF_A_KIND.items()
+    ),
 )
