@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from cable_ros import Tracker
+from cable_ros.bench.drawn import refined
 from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.effects.registry import properties
 from cable_ros.equilibrium import Equilibrium, Status
@@ -188,7 +190,7 @@ class Led:
 
 
 def beside_a_pin(
-    values: dict[str, Any], route: list[dict[str, float]]
+    values: dict[str, Any], route: Sequence[dict[str, float]]
 ) -> tuple[list[Equilibrium], list[Equilibrium]]:
     """Results along a route, and those of a plain cable that is led as the pin leads the first piece."""
     scene = load_scene(values, urdf=URDF)
@@ -245,23 +247,23 @@ def lying(kind: str) -> dict[str, Any]:
     return {"gravity": [0.0, 0.0, -9.80665], "obstacles": [ground], "cables": [hose]}
 
 
-def about(poses: int) -> list[dict[str, float]]:
+def about(poses: int) -> tuple[dict[str, float], ...]:
     """To a side, back through the middle to the other, in and out again, and down, each in so many poses."""
     corners = [(0.0, 0.0, 0.0), (0.0, 0.15, 0.0), (0.0, -0.15, 0.0), (-0.1, -0.15, 0.0), (0.0, -0.15, 0.0),
                (0.0, -0.15, -0.2)]  # fmt: skip
-    at = np.linspace(0.0, len(corners) - 1, poses * (len(corners) - 1) + 1)
-    columns = [np.interp(at, np.arange(len(corners)), column) for column in zip(*corners, strict=True)]
-    return [dict(zip("xyz", map(float, row), strict=True)) for row in zip(*columns, strict=True)]
+    return refined([dict(zip("xyz", corner, strict=True)) for corner in corners], poses)
+
+
+def led_about(kind: str, poses: int) -> list[Equilibrium]:
+    """The results along `about`."""
+    tracker = Tracker(load_scene(lying(kind), urdf=URDF), joint_limits="ignore")
+    return [arrived(tracker, **pose) for pose in about(poses)]
 
 
 @pytest.mark.parametrize("kind", ["pin", "ring"])
 def test_a_hose_lies_beside_a_support_and_is_led_about(kind):
     """Its stability, judged with the friction of what slips as it is, was said to end where it does not."""
-    few, many = (
-        [arrived(tracker, **pose) for pose in about(poses)]
-        for poses in (6, 24)
-        for tracker in [Tracker(load_scene(lying(kind), urdf=URDF), joint_limits="ignore")]
-    )
+    few, many = led_about(kind, 6), led_about(kind, 24)
     assert [one.message for one in few + many if one.status is not Status.CONVERGED] == []
     assert max(len(one.contacts) for one in many) > 10, "it lies"
     assert any(contact.sliding for one in many for contact in one.contacts)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cable_ros import Tracker
+from cable_ros.bench.drawn import divided
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.scene import load_scene
 
@@ -18,7 +19,7 @@ JOINTS = {
     "w3": ("two", "three", "0 0 0.116", "0 0 0", "0 1 0"),
 }
 """Parent, child, position, m, and angles, rad, there, and axis of each."""
-CORNERS = np.array([[-1.8, -1.57, 0.0], [-2.3, -1.57, -np.pi], [-1.8, -1.2, 0.0]])
+CORNERS = [(-1.8, -1.57, 0.0), (-2.3, -1.57, -np.pi), (-1.8, -1.2, 0.0)]
 """Joint values, rad: the last joint turns half round, and back."""
 
 
@@ -60,9 +61,8 @@ def scene(length: float) -> dict[str, Any]:
 def led(pitch: float, length: float, poses: int) -> list[Equilibrium]:
     """The results along the way from corner to corner and to the last, in so many poses."""
     tracker = Tracker(load_scene(scene(length), urdf=urdf(pitch)))
-    at = np.linspace(0.0, 2.0, poses + 1)
-    rows = np.column_stack([np.interp(at, np.arange(3), column) for column in CORNERS.T]).tolist()
-    return [tracker.arrive(dict(zip(JOINTS, row, strict=True)))["hose"] for row in rows]
+    path = divided([dict(zip(JOINTS, corner, strict=True)) for corner in CORNERS], poses + 1)
+    return [tracker.arrive(joints)["hose"] for joints in path]
 
 
 @pytest.mark.parametrize(("pitch", "length"), [(2.1, 1.15), (2.4, 1.18), (2.5, 1.17)])

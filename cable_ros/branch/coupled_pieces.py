@@ -104,8 +104,7 @@ class CoupledPieces(Released):
             if self._lost:
                 self.pieces[0].distrust(self._lost)
             return self._publish(kinematics, joints, mounts, "", begin, share)
-        self._set_clear(False)
-        route = [*self._waiting, joints] if self._rough or self.rubs else [joints]
+        route = [*self._waiting, joints] if self._rough or self.may_rub else [joints]
         self._waiting, steps, snapped = [], 0, ""
         for piece in self.pieces:
             piece.worked = 0.0
@@ -200,23 +199,7 @@ class CoupledPieces(Released):
             mounts = kinematics.poses(there)[self.which]
             steps += 1
             assert self.state is not None
-            self._set_clear(not self.rubbing)
-            guess = self._extrapolated(there)
-            found = self._newton(kinematics, there, mounts, guess)
-            if not self.rubs and self.rubbing:
-                found = None  # friction acts since the last pose
-            if found is None and not self.rubs:
-                self._set_clear(False)
-                if self.rubs:
-                    self._return()
-                    found = self._newton(kinematics, there, mounts, guess)
-            if found is None and self.loose:
-                self._return()
-                guess = self._carried(kinematics.poses(self._joints)[self.which], mounts)
-                found = self._newton(kinematics, there, mounts, guess)
-            if found is None and guess is not self.state:
-                self._return()
-                found = self._newton(kinematics, there, mounts, self.state)
+            found = self._balanced(kinematics, there, mounts)
             distance_here = (target - at) * distance
             hasty = any(piece.hasty for piece in self.pieces)
             if found is not None and hasty and 0.5 * distance_here >= SHORTEST:
@@ -258,6 +241,27 @@ class CoupledPieces(Released):
         if not distance:
             self._joints = joints
         return steps, told
+
+    def _balanced(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> Shared | None:
+        """The equilibrium at the end of a step, from several guesses in turn; None: it is found from none."""
+        assert self.state is not None
+        clear = not self.rubbing
+        self._set_clear(clear)
+        guess = self._extrapolated(joints)
+        found = self._newton(kinematics, joints, mounts, guess)
+        if clear and self.may_rub and (found is None or self.rubbing):
+            # what has come to rub does so since the last pose
+            self._set_clear(False)
+            self._return()
+            found = self._newton(kinematics, joints, mounts, guess)
+        if found is None and self.loose:
+            self._return()
+            guess = self._carried(kinematics.poses(self._joints)[self.which], mounts)
+            found = self._newton(kinematics, joints, mounts, guess)
+        if found is None and guess is not self.state:
+            self._return()
+            found = self._newton(kinematics, joints, mounts, self.state)
+        return found
 
     @property
     def _worked(self) -> float:

@@ -83,6 +83,11 @@ class CoupledRun:
             piece.reset()
 
     @property
+    def may_rub(self) -> bool:
+        """Whether there are obstacles with friction."""
+        return any(piece.may_rub for piece in self.pieces)
+
+    @property
     def rubs(self) -> bool:
         """Whether friction of obstacles may hold its pieces."""
         return any(piece.rubs for piece in self.pieces)

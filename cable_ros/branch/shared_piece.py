@@ -138,6 +138,11 @@ class SharedPiece(CableTracker):
         return placed(self._obstacles, kinematics.obstacle_poses(joints), WORLD, 1.0)
 
     @property
+    def may_rub(self) -> bool:
+        """Whether there are obstacles with friction."""
+        return self._rough == COULOMB
+
+    @property
     def rubs(self) -> bool:
         """Whether friction of obstacles may hold it."""
         return self._model == COULOMB and not self.clear
@@ -145,12 +150,12 @@ class SharedPiece(CableTracker):
     @property
     def rubbing(self) -> bool:
         """Whether it touches something with friction."""
-        return self._rough == COULOMB and self._rod is not None and self._rod.touches
+        return self.may_rub and self._rod is not None and self._rod.touches
 
     def rub(self, rubs: bool) -> None:
         """Let friction hold it from here on, from nothing; or leave friction out."""
         self._model, rod = self._rough if rubs else FRICTIONLESS, self._rod
-        if isinstance(rod, ActiveSetRod) and self._rough == COULOMB:
+        if isinstance(rod, ActiveSetRod) and self.may_rub:
             rod.points[: rod.count, FRICTION : BEFORE + 3] = 0.0
             rod.use_friction(self._model)
 
