@@ -327,8 +327,8 @@ class Rest:
         """Whether all shapes have been tried."""
         return self._shapes is not None and not self._shapes
 
-    def settle(self) -> tuple[Found | None, float]:
-        """The accurate equilibrium where the next shape comes to rest, or None; and the work."""
+    def settle(self) -> tuple[list[Found], float]:
+        """The accurate equilibrium where the next shape comes to rest, if it does; and the work."""
         sought, there = self._sought, self._sought.conditions
         assert there.obstacles is not None
         points = point_count(float(np.linalg.norm(there.f)))
@@ -343,7 +343,7 @@ class Rest:
         rests = rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None
         rod.obstacles = there.obstacles  # as rough as they are, for the rod that follows it
         found = exact(rod, sought.tolerance, FRICTIONLESS, anywhere=True) if rests else None
-        return found, LIMIT - rod.work
+        return [] if found is None else [found], LIMIT - rod.work
 
 
 def _same(rod: NodalRod, found: Found) -> bool:

@@ -57,14 +57,14 @@ class Led(ABC):
         """Whether all have been tried."""
         return self._led is None and not self._left
 
-    def settle(self) -> tuple[Found | None, float]:
+    def settle(self) -> tuple[list[Found], float]:
         """Search for the next to begin from, or lead the present one on by a piece.
 
-        Returns the equilibrium of the pose, or None, and the work.
+        Returns the equilibrium of the pose, if there is one now, and the work.
         """
         if self._led is None:
             part = self._begin(self._left.pop(0))
-            return None, 0.0 if part is None else self._search(part)
+            return [], 0.0 if part is None else self._search(part)
         rod, q, F, part = self._led
         self._led = None
 
@@ -78,10 +78,10 @@ class Led(ABC):
         work = PIECE - led.rod.work
         if led.end is End.ARRIVED:
             found, more = self._whole(led.rod, led.q, led.F)
-            return found, work + more
+            return [] if found is None else [found], work + more
         if led.end is End.UNFINISHED and (led.at > 0.0 or led.rod is not rod):
             self._led = led.rod, led.q, led.F, part + led.at * (1.0 - part)
-        return None, work
+        return [], work
 
     @abstractmethod
     def _begin(self, amount: float) -> float | None:

@@ -10,6 +10,7 @@ import numpy as np
 from cable_ros.branch import handover
 from cable_ros.branch.cold_start import Found, Sought, Starts, carried, refine, same
 from cable_ros.branch.end_for_end import end_for_end
+from cable_ros.branch.falling import Falling
 from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry, side_of
 from cable_ros.branch.paying_out import Led, Loading, PayingOut
 from cable_ros.contact.symmetry import REVERSED, Symmetry
@@ -26,7 +27,8 @@ class Search:
 
     In turn: energy descents from initial shapes (`Starts`); the equilibria found, on finer meshes (`refine`),
     until one meets the tolerance; and if none does, continuation in the cable's length (`PayingOut`)
-    and weight (`Loading`) and relaxation on a grid of contacts (`handover.Rest`).
+    and weight (`Loading`), falls of a light cable (`Falling`) and relaxation on a grid of contacts
+    (`handover.Rest`), whose equilibria are made finer in the same way.
 
     Args:
         sought: the pose and what is asked for there.
@@ -37,9 +39,9 @@ class Search:
         touches = sought.conditions.obstacles is not None
         begun = replace(sought, conditions=sought.conditions.rounded()) if touches else sought
         self._starts = Starts(begun, thorough=False)
-        self._last: list[Led | handover.Rest]
-        clamped = sought.compliance is None and sought.ends is None
-        self._last = [PayingOut(sought), Loading(sought), handover.Rest(sought)] if clamped else []
+        self._last: list[Led | Falling | handover.Rest] = []
+        if sought.compliance is None and sought.ends is None:
+            self._last = [PayingOut(sought), Loading(sought), Falling(sought), handover.Rest(sought)]
         self._coarse: list[Found] | None = None
         self._refined = 0
         self._best: Found | None = None
@@ -94,10 +96,9 @@ class Search:
         if self._refined < len(self._coarse):
             return self._refine(self._coarse[self._refined])
         found, work = next(one for one in self._last if not one.over).settle()
-        if found is not None:
-            work += self._sort([found])
-            self._refined, self._estimate = len(self._coarse), 0.0
-            self._best = self._origin = self._coarse[0]
+        if found:
+            work += self._sort(found)
+            self._refined = 0
         return work
 
     def _arrive(self) -> float:
