@@ -255,6 +255,10 @@ FOUND = {
     (152, 15, "table"): "a cable turns over on a rough table: a point that sticks rolls ever faster",
     (152, 28, "beams"): "a heavy cable touches a smooth beam twice near a fold, to and fro",
     (132, 100): "a cable drawn ever tauter over a rough table, and back",
+    (131, 56): "heavy, over a rough beam, cold: a light cable falls to rest on it",
+    (154, 2, "beams"): "a heavy cable up over a high narrow beam, cold: a light one falls to rest on it",
+    (154, 15, "beams"): "the same without friction: a light one falls to rest on it",
+    (154, 18, "beams"): "a heavy cable over a low narrow beam, cold: a light one falls to rest on it",
 }
 """By seed, index and kind of `drawn_case`: scenes that benchmarks/drawn.py has found, and that failed."""
 DRAWN: tuple[Case, ...] = (

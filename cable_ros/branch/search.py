@@ -27,8 +27,8 @@ class Search:
 
     In turn: energy descents from initial shapes (`Starts`); the equilibria found, on finer meshes (`refine`),
     until one meets the tolerance; and if none does, continuation in the cable's length (`PayingOut`)
-    and weight (`Loading`), falls of a light cable (`Falling`) and relaxation on a grid of contacts
-    (`handover.Rest`), whose equilibria are made finer in the same way.
+    and weight (`Loading`), relaxation on a grid of contacts (`handover.Rest`) and falls of a light cable
+    (`Falling`), whose equilibria are made finer in the same way.
 
     Args:
         sought: the pose and what is asked for there.
@@ -39,9 +39,9 @@ class Search:
         touches = sought.conditions.obstacles is not None
         begun = replace(sought, conditions=sought.conditions.rounded()) if touches else sought
         self._starts = Starts(begun, thorough=False)
-        self._last: list[Led | Falling | handover.Rest] = []
+        self._last: list[Led | handover.Rest | Falling] = []
         if sought.compliance is None and sought.ends is None:
-            self._last = [PayingOut(sought), Loading(sought), Falling(sought), handover.Rest(sought)]
+            self._last = [PayingOut(sought), Loading(sought), handover.Rest(sought), Falling(sought)]
         self._coarse: list[Found] | None = None
         self._refined = 0
         self._best: Found | None = None
