@@ -321,14 +321,28 @@ class Rest:
     def __init__(self, sought: Sought) -> None:
         self._sought = sought
         self._shapes: list[np.ndarray] | None = None if sought.conditions.obstacles is not None else []
+        self._resting: NodalRod | None = None
+        """That of the last shape, if it came to rest."""
 
     @property
     def over(self) -> bool:
         """Whether all shapes have been tried."""
-        return self._shapes is not None and not self._shapes
+        return self._shapes is not None and not self._shapes and self._resting is None
 
     def settle(self) -> tuple[list[Found], float]:
-        """The accurate equilibrium where the next shape comes to rest, if it does; and the work."""
+        """Let the next shape come to rest, or solve accurately where the last one did.
+
+        Returns the equilibrium, if there is one now, and the work.
+        """
+        if self._resting is None:
+            return [], self._relax()
+        rod, self._resting = self._resting, None
+        rod.work = LIMIT
+        found = exact(rod, self._sought.tolerance, FRICTIONLESS, anywhere=True)
+        return [] if found is None else [found], LIMIT - rod.work
+
+    def _relax(self) -> float:
+        """Let the next shape come to rest; returns the work."""
         sought, there = self._sought, self._sought.conditions
         assert there.obstacles is not None
         points = point_count(float(np.linalg.norm(there.f)))
@@ -340,10 +354,10 @@ class Rest:
             )
             self._shapes = sorted(begins, key=rod.depth)[:TRIES]
         rod.work = LIMIT
-        rests = rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None
+        if rod.begin(self._shapes.pop(0), there.qe, there.re, there.f) is not None:
+            self._resting = rod
         rod.obstacles = there.obstacles  # as rough as they are, for the rod that follows it
-        found = exact(rod, sought.tolerance, FRICTIONLESS, anywhere=True) if rests else None
-        return [] if found is None else [found], LIMIT - rod.work
+        return LIMIT - rod.work
 
 
 def _same(rod: NodalRod, found: Found) -> bool:

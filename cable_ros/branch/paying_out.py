@@ -51,20 +51,21 @@ class Led(ABC):
         self._left = list(begins) if sought.conditions.obstacles is not None else []
         self._led: tuple[Rod, np.ndarray, np.ndarray, float] | None = None
         """A rod on its way: its shape, end force, and how far it is, a fraction that ends at 1."""
+        self._starts: tuple[Starts, float] | None = None
+        """The search for the equilibrium that the next way begins at, and the fraction there."""
 
     @property
     def over(self) -> bool:
         """Whether all have been tried."""
-        return self._led is None and not self._left
+        return self._led is None and self._starts is None and not self._left
 
     def settle(self) -> tuple[list[Found], float]:
-        """Search for the next to begin from, or lead the present one on by a piece.
+        """Search on for the next to begin from, or lead the present one on by a piece.
 
         Returns the equilibrium of the pose, if there is one now, and the work.
         """
         if self._led is None:
-            part = self._begin(self._left.pop(0))
-            return [], 0.0 if part is None else self._search(part)
+            return [], self._search()
         rod, q, F, part = self._led
         self._led = None
 
@@ -91,14 +92,20 @@ class Led(ABC):
     def _at(self, part: float) -> Conditions:
         """The pose at a fraction of the way."""
 
-    def _search(self, part: float) -> float:
-        """Search for the equilibrium to begin from; returns the work."""
-        search = Starts(replace(self._sought, conditions=self._at(part), tolerance=LOOSE), False)
-        work = 0.0
-        while not search.over:
-            work += search.descend()
-        best = min(search.found, key=lambda one: one.energy, default=None)
-        self._led = None if best is None else (best.rod, best.q, best.F, part)
+    def _search(self) -> float:
+        """Descend once more towards the equilibrium to begin from; returns the work."""
+        if self._starts is None:
+            part = self._begin(self._left.pop(0))
+            if part is not None:
+                there = replace(self._sought, conditions=self._at(part), tolerance=LOOSE)
+                self._starts = Starts(there, thorough=False), part
+            return 0.0
+        starts, part = self._starts
+        work = starts.descend()
+        if starts.over:
+            best = min(starts.found, key=lambda one: one.energy, default=None)
+            self._led = None if best is None else (best.rod, best.q, best.F, part)
+            self._starts = None
         return work
 
     def _whole(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> tuple[Found | None, float]:
