@@ -8,11 +8,13 @@ import pytest
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
+from cable_ros.bench.cases import case_scene
+from cable_ros.bench.drawn import drawn_case
 from cable_ros.branch import followed_equilibrium, searched_equilibrium
 from cable_ros.scene import Scene
 
 FLAT = [0.0, 0.70710678118654752, 0.0, 0.70710678118654752]
-MOST = 60
+MOST = 100
 """Calls: more pieces than a search has."""
 
 
@@ -53,6 +55,16 @@ def test_pieces_end_in_the_same_bits(friction: float, monkeypatch: pytest.Monkey
     assert len(found) > 3
     assert all(np.isnan(one.end_wrench).all() for one in found[:-1])
     assert same(found[-1], whole)
+
+
+def test_a_fall_in_pieces_likewise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A heavy cable over a narrow beam, which no start but the last finds."""
+    case = drawn_case(154, 15, 1e-4, "beams")
+    scene, home = case_scene(case), dict(case.path[0])
+    whole = Tracker(scene).arrive(home)["cable"]
+    assert whole.status is Status.CONVERGED
+    monkeypatch.setattr(followed_equilibrium, "WORK", 1)
+    assert same(called(Tracker(scene), home)[-1], whole)
 
 
 def test_a_free_cable_likewise(monkeypatch: pytest.MonkeyPatch) -> None:
