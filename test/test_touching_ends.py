@@ -327,7 +327,6 @@ def test_joint_load_is_the_derivative_of_the_energy_and_its_derivative(end):
 
 
 MISTAKES = {
-    "a free end and friction of obstacles": (TILTED, FREE, GROUND | {"friction": 0.3}, {}),
     "a pinned end and friction_model sliding": (
         ALONG_X, PAIRS["pinned"][1], GROUND | {"friction": 0.3}, {"friction_model": "sliding"},
     ),

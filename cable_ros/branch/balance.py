@@ -9,8 +9,11 @@ import numpy as np
 
 from cable_ros.branch.coupled_run import CoupledRun
 from cable_ros.branch.coupled_state import Shared
-from cable_ros.branch.coupling import Ends, step_size
-from cable_ros.branch.landing import INSIDE, caught, faced, let_go, touches
+from cable_ros.branch.coupling import LOOSE, Ends, step_size
+from cable_ros.branch.grip import Grip, friction_force, landed
+from cable_ros.branch.landing import INSIDE, Touch, caught, faced, let_go, touches
+from cable_ros.branch.loose_ends import ALONG, Face
+from cable_ros.rod import quaternion
 from cable_ros.scene import Kinematics
 
 ITERATIONS = 12
@@ -30,6 +33,8 @@ SWITCHES = 6
 """Maximum number of changes between sticking and sliding in one step."""
 HELD = 1e-6
 """Excess of friction at which a ring still sticks, as a fraction of it."""
+SPARED = 5e-3
+"""Friction over the largest force that an end which lies may go without."""
 NO_WRENCHES = np.zeros(0)
 LEAST = 1e-9
 """Motion against friction, as a fraction of the length, that is rounding."""
@@ -43,25 +48,56 @@ class Balance(CoupledRun):
     ) -> Shared | None:
         """The equilibrium near a guess, with what sticks and what slides; None: none was found."""
         assert self.state is not None
-        kept, origin, faces = self._slides.copy(), self.state.arcs, list(self._faces)
-        guess = self._faced(kinematics, joints, guess)
+        kept, origin, faces, slips = self._slides.copy(), self.state.arcs, list(self._faces), self._slips
+        guess = self._faced(kinematics, joints, guess, begin=True)
         for _ in range(SWITCHES):
             found = self._corrected(kinematics, joints, mounts, guess)
             if found is not None and self._let_go(mounts, found):
                 guess, self._inverse = self._faced(kinematics, joints, found), None
                 continue
-            if found is None or not self._rough:
+            if found is None or not (self._rough or any(map(self._friction_at, range(len(self.loose))))):
                 break
             switched = self._switched(found, origin)
-            if not switched.any():
+            gripped = self._gripped(mounts, found)
+            if not (switched.any() or gripped):
                 return found
             arcs = np.where(switched & (self._slides == 0), origin, found.arcs)
             guess, self._inverse = Shared(found.turns, arcs, found.tips), None
+            if gripped:
+                guess = self._faced(kinematics, joints, guess)
         else:
             found = None
-        if found is None and (faces != self._faces or not np.array_equal(self._slides, kept)):
-            self._slides, self._faces, self._inverse = kept, faces, None
+        if found is not None and self._spared(mounts, found):
+            found = None
+        if found is None:
+            if faces != self._faces or not np.array_equal(self._slides, kept) or slips != self._slips:
+                self._inverse = None
+            self._slides, self._faces, self._slips = kept, faces, slips
         return found
+
+    def _spared(self, mounts: np.ndarray, found: Shared) -> bool:
+        """Whether an end that lies bears a force that friction does not know: there is none of its own."""
+        if not self.rubs:
+            return False
+        forces = [piece.ends().wrenches.reshape(-1, 2, 3)[:, 0] for piece in self.pieces]
+        largest = float(np.abs(forces).max())
+        for tip, loose in zip(found.tips, self._loose(mounts, found), strict=True):
+            if tip.face is not None and tip.face.lies:
+                piece = self.pieces[-tip.which]
+                normal = loose.push(piece.ends().wrenches[6 * tip.which :][:6])[ALONG]
+                if piece.friction_of(tip.face.obstacle) * normal > SPARED * largest:
+                    return True
+        return False
+
+    def _gripped(self, mounts: np.ndarray, found: Shared) -> bool:
+        """Whether free ends stick that slipped, or slip that stuck."""
+        slips, before = [], self._slips
+        for tip, loose in zip(found.tips, self._loose(mounts, found), strict=True):
+            push = loose.push(self.pieces[-tip.which].ends().wrenches[6 * tip.which :][:6])[3:]
+            grip = None if tip.face is None else tip.face.grip
+            slips.append(grip is not None and grip.slips_on(tip.position, push))
+        self._slips = slips
+        return slips != before
 
     def _switched(self, found: Shared, origin: np.ndarray) -> np.ndarray:
         """(n,) which rings stick that slid, or slide that stuck; `origin` (n,): arc lengths before."""
@@ -101,7 +137,15 @@ class Balance(CoupledRun):
         age = ITERATIONS  # number of steps since the tangent was made
         last = np.empty(0), np.empty(0)  # the step before and the residual from which it was made
         for iteration in range(2 * ITERATIONS if rubs else ITERATIONS):
-            free = self.free
+            if self.loose and not touches(self._faces, state.tips):
+                # it has arrived inside of what it touches from here on
+                state, size = (
+                    self._move(kinematics, joints, mounts, self._faced(kinematics, joints, state)),
+                    np.inf,
+                )
+                if state is None:
+                    return None
+            free = self._solved
             if self._inverse is None or len(self._inverse) != free.sum():
                 if not (
                     self._probe(kinematics, joints, mounts, state) if rubs else self._renew(mounts, state)
@@ -111,14 +155,14 @@ class Balance(CoupledRun):
             assert self._inverse is not None
             ends = [piece.ends() for piece in self.pieces]
             residual = self._residual(mounts, state)
-            step = np.zeros(len(free))
-            step[free] = -self._inverse @ residual[free]
-            new = self._size(step, ends)
+            step = self._answer(state, residual)
+            new = self._size(step, ends, residual)
             if not self._reach(step) <= FARTHEST:
                 return None
             if iteration and rubs:
-                step[free] = self._secant(last[0][free], (residual - last[1])[free], residual[free])
-                new = self._size(step, ends)
+                self._learn(last[0][free], (residual - last[1])[free])
+                step = self._answer(state, residual)
+                new = self._size(step, ends, residual)
                 if not self._reach(step) <= FARTHEST:
                     return None
             if iteration:
@@ -131,7 +175,7 @@ class Balance(CoupledRun):
                 self._inverse, size = None, np.inf
                 continue
             size = new
-            if new <= tolerance:
+            if new <= tolerance and self._clear(kinematics, joints, state):
                 self._left = step if self._comparable else 0.0
                 return state
             state, age, last = state.moved(step), age + 1, (step, residual)
@@ -142,32 +186,66 @@ class Balance(CoupledRun):
             state = self._move(kinematics, joints, mounts, state)
             if state is None:
                 return None
-            if new * min(max(rate, 1e-3), 1.0) <= tolerance:
+            if new * min(max(rate, 1e-3), 1.0) <= tolerance and self._clear(kinematics, joints, state):
                 return state
         return None
 
-    def _secant(self, step: np.ndarray, change: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        """The next step by Broyden's method (1965), after one that changed the residual, all (free,).
+    def _clear(self, kinematics: Kinematics, joints: np.ndarray, state: Shared) -> bool:
+        """Whether no free end is inside of an obstacle where it has arrived; if one is, it touches that."""
+        if not self.loose or self._caught(kinematics, joints, state) is state:
+            return True
+        self._inverse = None
+        return False
+
+    def _answer(self, state: Shared, residual: np.ndarray) -> np.ndarray:
+        """(N,) the next step of Newton's method; an end that slips does so as friction lets it."""
+        assert self._inverse is not None
+        free, inverse = self._solved, self._inverse
+        out = np.zeros(len(free))
+        out[free] = -inverse @ residual[free]
+        if not any(self._slips):
+            return out
+        for k, tip in enumerate(state.tips):
+            if tip.face is None or tip.face.grip is None or not tip.face.grip.slips:
+                continue
+            grip, first = tip.face.grip, len(free) + LOOSE * (k - len(self.loose)) + LOOSE // 2
+            own = np.searchsorted(np.flatnonzero(free), [first, first + 1])
+            row = self._tangent[first + 2, free]
+            by_force = inverse[:, own]
+            way = (tip.position - grip.anchor) @ tip.axes[:, :2] + out[first : first + 2]
+            normal = residual[first + 2] + row @ out[free]
+            force = friction_force(grip.friction, way, by_force[own], normal, row @ by_force)
+            out[free] -= by_force @ force
+        return out
+
+    def _learn(self, step: np.ndarray, change: np.ndarray) -> None:
+        """Improve the inverse by Broyden's method (1965), after a step that changed the residual, (free,).
 
         Where contact slips, the direction of friction depends on the step: the tangent does not know that.
         """
         assert self._inverse is not None
         back = self._inverse @ change
-        weighed = step / np.where(self._lengths, self.run.length**2, 1.0)[self.free]
+        weighed = step / np.where(self._lengths, self.run.length**2, 1.0)[self._solved]
         size = float(weighed @ back)
         if abs(size) > SKEW * float(weighed @ step):
             self._inverse = self._inverse + np.outer(step - back, weighed @ self._inverse) / size
-        out: np.ndarray = -self._inverse @ residual
-        return out
 
     def _reach(self, step: np.ndarray) -> float:
         """Of a step (N,): largest rotation, rad, or shift over the shortest length."""
         return self._measured(step, np.empty((0, len(step))), NO_WRENCHES)
 
-    def _size(self, step: np.ndarray, ends: Sequence[Ends]) -> float:
-        """Of a step (N,): largest rotation, rad, shift over the shortest length, or part of a wrench."""
+    def _size(self, step: np.ndarray, ends: Sequence[Ends], residual: np.ndarray) -> float:
+        """Of a step (N,): largest rotation, rad, shift over the shortest length, or part of a wrench.
+
+        `residual` (N,): from which it was made; what an end that yields bears too much is part of its force.
+        """
         spread = np.empty((0, len(step))) if self._spread is None else self._spread
-        return self._measured(step, spread, np.concatenate([one.wrenches for one in ends]))
+        wrenches = np.concatenate([one.wrenches for one in ends])
+        size = self._measured(step, spread, wrenches)
+        if not self.loose:
+            return size
+        whole = max(np.abs(wrenches.reshape(-1, 2, 3)[:, 0]).max(), self._nothing[0])
+        return max(size, float(np.abs(residual[self.free & ~self._solved]).max(initial=0.0) / whole))
 
     def _measured(self, step: np.ndarray, spread: np.ndarray, wrenches: np.ndarray) -> float:
         """See `coupling.step_size`."""
@@ -178,13 +256,41 @@ class Balance(CoupledRun):
         """(o, WIDTH) the obstacles in the world, SI."""
         return self.pieces[0].obstacles(kinematics, joints)
 
-    def _faced(self, kinematics: Kinematics, joints: np.ndarray, state: Shared) -> Shared:
-        """The state with its free ends on what they touch, where that is now."""
+    def _faced(
+        self, kinematics: Kinematics, joints: np.ndarray, state: Shared, begin: bool = False
+    ) -> Shared:
+        """The state with its free ends on what they touch, where that is now; `begin`: of a step."""
         if touches(self._faces, state.tips) and not any(self._faces):
             return state
         rows = self._rows(kinematics, joints)
-        pairs = zip(state.tips, self._faces, strict=True)
-        return state._replace(tips=tuple(faced(tip, face, rows) for tip, face in pairs))
+        tips = []
+        for k, (tip, face) in enumerate(zip(state.tips, self._faces, strict=True)):
+            anchor = None if begin or tip.face is None or tip.face.grip is None else tip.face.grip.anchor
+            on = faced(tip, face, rows)
+            friction = self._friction_at(k)
+            if on.face is not None and friction > 0.0:
+                if anchor is None:
+                    anchor = self._anchor(kinematics, joints, k, tip.position, on.face)
+                grip = Grip(friction, anchor, self._slips[k])
+                there = on.position if grip.slips else anchor
+                on = on._replace(face=on.face._replace(grip=grip), position=there).on_face()
+            tips.append(on)
+        return state._replace(tips=tuple(tips))
+
+    def _anchor(
+        self, kinematics: Kinematics, joints: np.ndarray, k: int, now: np.ndarray, face: Face
+    ) -> np.ndarray:
+        """(3,) where a tip that comes to be at `now` (3,) would be, had it stuck since it was on the face."""
+        assert self.state is not None
+        last = self.state.tips[k]
+        old, new = (kinematics.obstacle_poses(at)[face.obstacle].copy() for at in (self._joints, joints))
+        turn = quaternion.multiply(
+            quaternion.from_ros(new[3:]), quaternion.conjugate(quaternion.from_ros(old[3:]))
+        )
+        carried = new[:3] + quaternion.rotate(turn, last.position - old[:3])
+        if last.face is not None and last.face.obstacle == face.obstacle:
+            return carried
+        return landed(face.row, carried, now)
 
     def _caught(
         self, kinematics: Kinematics, joints: np.ndarray, state: Shared, least: float = INSIDE
@@ -196,7 +302,7 @@ class Balance(CoupledRun):
         faces = [caught(end, tip, rows, least) for end, tip in zip(self.loose, state.tips, strict=True)]
         if touches(faces, state.tips):
             return state
-        self._faces = faces
+        self._touch(faces)
         return self._faced(kinematics, joints, state)
 
     def _let_go(self, mounts: np.ndarray, state: Shared) -> bool:
@@ -204,8 +310,14 @@ class Balance(CoupledRun):
         if not any(self._faces):
             return False
         before, unit = self._faces, self.pieces[0].unit
-        self._faces = [
+        self._touch([
             let_go(tip, loose, self.pieces[-tip.which].ends().wrenches[6 * tip.which :][:6], unit)
             for tip, loose in zip(state.tips, self._loose(mounts, state), strict=True)
-        ]
+        ])  # fmt: skip
         return before != self._faces
+
+    def _touch(self, faces: list[Touch]) -> None:
+        """Let free ends touch these; what is new sticks at first."""
+        same = [old == new for old, new in zip(self._faces, faces, strict=True)]
+        self._slips = [slip and kept for slip, kept in zip(self._slips, same, strict=True)]
+        self._faces = faces

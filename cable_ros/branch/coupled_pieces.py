@@ -19,7 +19,7 @@ from cable_ros.branch.coupled_tangent import Whole
 from cable_ros.branch.crossing_cable import CrossingCable
 from cable_ros.branch.followed_equilibrium import POSE_LEFT_OUT
 from cable_ros.branch.landing import with_tip
-from cable_ros.branch.loose_ends import ALONG, LooseEnd, loose_ends
+from cable_ros.branch.loose_ends import LooseEnd, loose_ends
 from cable_ros.branch.loose_piece import LoosePiece
 from cable_ros.branch.prediction import predicted
 from cable_ros.branch.released import Released
@@ -275,7 +275,7 @@ class CoupledPieces(Released):
         if change is None:
             return self.state
         change = change + self._missed
-        change[~self.free] = 0.0
+        change[~self._solved] = 0.0
         return self.state.moved(change)
 
     def _carried(self, before: np.ndarray, mounts: np.ndarray) -> Shared:
@@ -295,7 +295,7 @@ class CoupledPieces(Released):
             back = quaternion.conjugate(quaternion.from_ros(old[3:]))
             motion[:3] = quaternion.rotate(back, new[:3] - old[:3])
             motion[3:] = quaternion.rotation_vector(quaternion.multiply(back, quaternion.from_ros(new[3:])))
-        step, free = np.zeros(len(self.free)), self.free
+        step, free = np.zeros(len(self.free)), self._solved
         step[free] = -self._inverse @ self.tangent(before, state).by_mounts(motions.reshape(-1, 12))[free]
         return state.moved(step)
 
@@ -337,9 +337,9 @@ class CoupledPieces(Released):
                     own = slice(6 * end.which, 6 * end.which + 6)
                     wrenches[own] = end.wrench(tip, inner[own])
                     if tip.face is not None:
-                        piece, force = self.pieces[i], max(loose.residual(inner[own])[ALONG], 0.0)
+                        piece, push = self.pieces[i], loose.push(inner[own])[3:]
                         arc = piece.length * end.which
-                        touching = partial(with_tip, touching, piece.names, tip, force, arc)
+                        touching = partial(with_tip, touching, piece.names, tip, push, arc)
             fields: dict[str, Any] = {
                 "start_wrench": wrenches[:6], "end_wrench": wrenches[6:], "_mounts": mounts[i, :, 3:].copy(),
                 "_tangent": tangent.pieces[i] if len(found) > 1 else Whole(tangent),

@@ -74,8 +74,10 @@ class CoupledRun:
         self._missed: np.ndarray | float = 0.0
         self._slides = np.zeros(len(self._guides), int)
         self._faces: list[tuple[int, bool] | None] = [None] * len(self.loose)  # number, and whether it lies
+        self._slips = [False] * len(self.loose)  # see `Grip.slips`
         self._wound = 1.0  # part of the given moments that acts
         self._inverse: np.ndarray | None = None
+        self._tangent = np.empty((0, 0))  # of which it is the inverse, also by what is held
         self._spread: np.ndarray | None = None
         self._judged_at: np.ndarray | None = None
         self.margin = np.nan
@@ -119,15 +121,43 @@ class CoupledRun:
         """(N,) which unknowns there are: rotations, in a tube about its axis only, and arcs that slide; of
         loose ends those that neither mount nor face holds.
         """
-        key = self._slides.tobytes() + repr(self._faces).encode() if self.loose else self._slides.tobytes()
+        sticks = [self._sticks(k) for k in range(len(self.loose))]
+        key = self._slides.tobytes() + (repr((self._faces, sticks)).encode() if self.loose else b"")
         known = self._known_free.get(key)
         if known is None:
             out = np.ones((len(self._guides), PER), bool)
             out[self._tubes, :2] = False
             out[:, 3] = self._guides & ((self._friction == 0.0) | (self._slides != 0))
-            held = [end.held_by(face) for end, face in zip(self.loose, self._faces, strict=True)]
+            ends = zip(self.loose, self._faces, sticks, strict=True)
+            held = [end.held_by(face, stuck) for end, face, stuck in ends]
             known = self._known_free[key] = np.concatenate([out.ravel(), *held])
         return known
+
+    @property
+    def _solved(self) -> np.ndarray:
+        """(N,) which of these are solved here: with friction, its piece tells where an end that yields is."""
+        if not (self.loose and self.rubs) or self.loose[-1].which == 0:
+            return self.free
+        end, out = self.loose[-1], self.free.copy()
+        if not end.free:
+            out[-1] = False
+        elif not self._friction_at(-1):
+            out[-LOOSE // 2 :] = False
+        return out
+
+    def _friction_at(self, k: int) -> float:
+        """The coefficient of friction at a free end that rests; 0: on nothing rough, or it lies.
+
+        One that lies rests on its last section alone as long as the cable beside it touches nothing.
+        """
+        face = self._faces[k]
+        if face is None or (face[1] and self.rubs):
+            return 0.0
+        return self.pieces[-self.loose[k].which].friction_of(face[0])
+
+    def _sticks(self, k: int) -> bool:
+        """Whether friction holds a free end."""
+        return not self._slips[k] and self._friction_at(k) > 0.0
 
     @property
     def _nothing(self) -> np.ndarray:
@@ -173,6 +203,8 @@ class CoupledRun:
         places = to.places(mounts, self.run.length)
         if any(place.length < self._least for place in places):
             return None
+        if self.loose and self.rubs and self.loose[-1].which:
+            places[-1] = places[-1]._replace(pull=self.loose[-1].pull(mounts[-1, 1]))
         for piece, place in zip(self.pieces, places, strict=True):
             if piece.attempt(kinematics, joints, place._replace(yields=None) if held else place):
                 continue
@@ -214,15 +246,11 @@ class CoupledRun:
         for end, tip in zip(self.loose, state.tips, strict=True):
             pieces[-end.which].at_loose_end(end, tip)
         ends: tuple[Ends, ...] = tuple(piece.ends() for piece in self.pieces)
-        return CoupledTangent(
-            tuple(pieces),
-            ends,
-            self._push,
-            self.free,
-            self._loose(mounts, state),
-            self.loose,
-            state.tips,
+        loose = tuple(
+            one.slipping(ends[-one.which].wrenches[6 * one.which :][:6]) if slips else one
+            for one, slips in zip(self._loose(mounts, state), self._slips, strict=True)
         )
+        return CoupledTangent(tuple(pieces), ends, self._push, self.free, loose, self.loose, state.tips)
 
     def _renew(self, mounts: np.ndarray, state: Shared) -> bool:
         """Invert the tangent at the pieces' present equilibria; whether it can be inverted."""
@@ -232,8 +260,8 @@ class CoupledRun:
 
     def _system(self, mounts: np.ndarray, state: Shared) -> System:
         """The supports' linearised equations at the pieces' present equilibria."""
-        tangent = self.tangent(mounts, state)
-        return assemble(tangent.sides(), self._push, tangent.loose)
+        sides = self.tangent(mounts, state).sides()
+        return assemble(sides, self._push, self._loose(mounts, state))
 
     def _probe(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, state: Shared) -> bool:
         """As `_renew`, by differences: the pieces' tangents do not know how slip turns friction."""
@@ -251,7 +279,7 @@ class CoupledRun:
 
         By differences; None: a piece does not follow.
         """
-        free, at = self.free, [self._residual(mounts, state, push) for push in pushes]
+        free, at = self._solved, [self._residual(mounts, state, push) for push in pushes]
         unit, out = np.eye(len(free)), [np.zeros((len(free), len(free))) for _ in pushes]
         for k in np.flatnonzero(free):
             size = PROBE * (self.run.length if self._lengths[k] else 1.0)
@@ -278,8 +306,8 @@ class CoupledRun:
         )
 
     def _invert(self, tangent: np.ndarray) -> bool:
-        """Keep the inverse of a tangent (N, N) in what is free; whether there is one."""
-        free = self.free
+        """Keep the inverse of a tangent (N, N) in what is solved here; whether there is one."""
+        free, self._tangent = self._solved, tangent
         try:
             if self._turns_freely:
                 self._inverse = inverse_but_neutral(tangent[np.ix_(free, free)], self.scale()[free])
@@ -317,17 +345,18 @@ class CoupledRun:
         if self._judged_at is not None and np.abs(here - self._judged_at).max() < RENEWED:
             return True  # what a free end touches counts a whole
         tangent = self.tangent(mounts, state)
-        sides, free = tangent.sides(), self.free
+        sides, free = tangent.sides(), self._solved
         none = np.zeros(len(self._guides))
-        plain = assemble(sides, none, tangent.loose)
-        system = assemble(sides, self._push, tangent.loose) if self._push.any() else plain
+        loose = self._loose(mounts, state)
+        plain = assemble(sides, none, loose)
+        system = assemble(sides, self._push, loose) if self._push.any() else plain
         hessian, slope = plain.hessian, system.tangent
         if self.rubs and self.rubbing:
             rough = self._differences(kinematics, joints, mounts, state, none, self._push)
             if rough is None:
                 return False
             hessian, slope = rough
-        margin = judged(hessian, free, self.scale())
+        margin = judged(self._held_by_slip(mounts, state, hessian), free, self.scale())
         if self._turns_freely and abs(margin) < NEUTRAL:
             margin = NEUTRAL
         if not margin > 0.0:
@@ -335,10 +364,27 @@ class CoupledRun:
         self.margin, self._judged_at, self._spread = margin, here, system.spread
         return self._invert(slope)
 
+    def _held_by_slip(self, mounts: np.ndarray, state: Shared, hessian: np.ndarray) -> np.ndarray:
+        """(N, N) a Hessian with what holds an end that slips: its friction turns as its way does."""
+        if not any(self._slips):
+            return hessian
+        out = hessian.copy()
+        for k, (tip, loose) in enumerate(zip(state.tips, self._loose(mounts, state), strict=True)):
+            if not (self._slips[k] and tip.face is not None and tip.face.grip is not None):
+                continue
+            push = loose.push(self.pieces[-tip.which].ends().wrenches[6 * tip.which :][:6])[3:5]
+            way = max(float(np.linalg.norm(tip.position - tip.face.grip.anchor)), PROBE * self.run.length)
+            size = float(np.linalg.norm(push))
+            if size > 0.0:
+                own = np.arange(2) + len(out) + LOOSE * (k - len(self.loose)) + 3
+                out[np.ix_(own, own)] += size / way * (np.eye(2) - np.outer(push, push) / size**2)
+        return out
+
     def _at(self, state: Shared) -> list[np.ndarray]:
         """Where loose ends are, in lengths and parts of a turn, and what they touch."""
         out = []
-        for tip, face in zip(state.tips, self._faces, strict=True):
+        for k, (tip, face) in enumerate(zip(state.tips, self._faces, strict=True)):
             touch = [-1.0, 0.0] if face is None else [float(face[0]), float(face[1])]
+            touch.append(float(self._sticks(k)))
             out += [tip.position / self.run.length, tip.turn, np.array(touch)]
         return out

@@ -12,7 +12,7 @@ import numpy as np
 
 from cable_ros.branch.coupled_modes import coupled_modes
 from cable_ros.branch.coupling import END, LOOSE, PER, START, Ends, Loose, Side, System, assemble, onto_mounts
-from cable_ros.branch.loose_ends import ALONG, PITCH, LooseEnd, Tip
+from cable_ros.branch.loose_ends import PITCH, LooseEnd, Tip
 from cable_ros.branch.modes import no_modes
 from cable_ros.branch.results import Tangent
 from cable_ros.branch.shared_piece import STRAIGHT
@@ -104,11 +104,9 @@ class Carried(NamedTuple):
     ) -> Carried:
         """From its parts."""
         section = quaternion.matrices_from_ros(quaternion.to_ros(tip.turn)[None])[0]
-        push, motion, turned = (
-            end.residual(wrench)[ALONG] * tip.axes[:, 2],
-            np.zeros((6, 6)),
-            np.zeros((3, 6)),
-        )
+        motion, turned, push = np.zeros((6, 6)), np.zeros((3, 6)), end.push(wrench)[3:]
+        rubs = tip.face is not None and tip.face.grip is not None
+        push = tip.axes @ push if rubs else push[2] * tip.axes[:, 2]
         motion[:3] = section.T @ np.concatenate([np.eye(3), -cross_matrix(tip.position)], axis=1)
         if tip.face is not None and tip.face.lies:
             pitch = tip.spins[:, PITCH]

@@ -144,18 +144,40 @@ class Loose(NamedTuple):
     itself; zeros at an end that its mount takes along."""
     lies: bool = False
     """Whether its tangent is held in a face, see `System.hessian`."""
+    friction: np.ndarray = np.zeros(2)
+    """(2,) over the normal force, of what it slips on, along its first two lengths; its direction stays."""
+
+    def push(self, wrench: np.ndarray) -> np.ndarray:
+        """(6,) derivative of the energy by its unknowns; the last three are the force that it rests on.
+
+        `wrench` (6,): of the piece on what holds it.
+        """
+        return -self.motion.T @ (wrench + self.load)
 
     def residual(self, wrench: np.ndarray) -> np.ndarray:
-        """(6,) derivative of the energy by its unknowns; `wrench` (6,): of the piece on what holds it."""
-        return -self.motion.T @ (wrench + self.load)
+        """(6,) what must vanish where it is free: `push`, less friction."""
+        return self.less_friction(self.push(wrench))
+
+    def less_friction(self, push: np.ndarray) -> np.ndarray:
+        """(6,) or (6, n) of `push`, or changes of it."""
+        if not self.friction.any():
+            return push
+        out = push.copy()
+        out[3:5] -= np.multiply.outer(self.friction, push[5])
+        return out
 
     def turned(self, wrench: np.ndarray) -> np.ndarray:
         """(6, 6) derivative of the residual by its unknowns with the wrench (6,) held."""
         out, (along, spins) = np.zeros((6, 6)), (self.motion[:3, 3:], self.motion[3:, :3])
         out[3:, :3] = along.T @ cross_matrix(wrench[:3]) @ spins
         out[:3, :3] = -spins.T @ cross_matrix(self.load[3:]) @ spins
-        out[3:, 3:] = -self.residual(wrench)[5] * self.bends
-        return out
+        out[3:, 3:] = -self.push(wrench)[5] * self.bends
+        return self.less_friction(out)
+
+    def slipping(self, wrench: np.ndarray) -> Loose:
+        """With the friction that holds it now; `wrench` as in `push`."""
+        push = self.push(wrench)[3:]
+        return self._replace(friction=push[:2] / push[2]) if push[2] > 0.0 else self
 
 
 class System(NamedTuple):
@@ -235,7 +257,7 @@ def assemble(sides: Sequence[Side], friction: np.ndarray, loose: Sequence[Loose]
         place = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))
         rows = np.r_[12 * i : 12 * i + 12, size : size + obstacles]
         spread[rows, place] += sides[i].response[:, own] @ held.motion
-        by_wrenches[place, 12 * i + own.start : 12 * i + own.stop] = -held.motion.T
+        by_wrenches[place, 12 * i + own.start : 12 * i + own.stop] = held.less_friction(-held.motion.T)
     tangent = by_wrenches @ spread[:size]
     for k, held in enumerate(loose):
         place = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))

@@ -38,7 +38,7 @@ def faced(tip: Tip, touch: Touch, rows: np.ndarray | None) -> Tip:
 
 def caught(end: LooseEnd, tip: Tip, rows: np.ndarray | None, least: float) -> Touch:
     """What a tip touches if its distance, m, from an obstacle is less than `least`."""
-    here = None if tip.face is None else (tip.face.obstacle, tip.face.lies)
+    here = None if tip.face is None else tip.face.touch
     if not end.free or rows is None:
         return None
     distance, which = nearest(rows, tip.position)
@@ -59,7 +59,7 @@ def let_go(tip: Tip, loose: Loose, wrench: np.ndarray, unit: tuple[float, float]
     """
     if tip.face is None:
         return None
-    out, force, moment = loose.residual(wrench), PULLS * unit[0], PULLS * unit[1]
+    out, force, moment = loose.push(wrench), PULLS * unit[0], PULLS * unit[1]
     flat = not Surface.at(tip.face.row, tip.position).bends.any()
     if tip.face.lies:
         # its force is none, and known no better than the pressure beside it; moments are exact
@@ -89,26 +89,29 @@ def pushed_out(position: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
 def touches(faces: Sequence[Touch], tips: Sequence[Tip]) -> bool:
     """Whether tips touch what `faces` say."""
     return all(
-        face == (None if tip.face is None else (tip.face.obstacle, tip.face.lies))
-        for face, tip in zip(faces, tips, strict=True)
+        face == (None if tip.face is None else tip.face.touch) for face, tip in zip(faces, tips, strict=True)
     )
 
 
 def with_tip(
-    inner: Callable[[], ContactTable | None] | None, names: Sequence[str], tip: Tip, force: float, arc: float
-) -> ContactTable | None:
+    inner: Callable[[], ContactTable | None] | None, names: Sequence[str], tip: Tip, push: np.ndarray,
+    arc: float,
+) -> ContactTable | None:  # fmt: skip
     """The contacts `inner` of a piece, and that of a tip on a face.
 
     Args:
         names: of the obstacles.
-        force: on the tip, N.
+        push: (3,) force on the tip along its axes, N.
         arc: arc length of the tip on the piece, m.
     """
-    table, n = None if inner is None else inner(), tip.axes[:, 2]
-    assert tip.face is not None
+    table, face = None if inner is None else inner(), tip.face
+    assert face is not None
+    rubs = face.grip is not None
+    force = tip.axes @ push if rubs else max(push[2], 0.0) * tip.axes[:, 2]
+    slides = face.grip is not None and face.grip.slips
     own = ContactTable(
-        tuple(names), np.array([tip.face.obstacle]), np.array([arc]), tip.position[None], n[None],
-        force * n[None], np.zeros(1), np.zeros(1, bool),
+        tuple(names), np.array([face.obstacle]), np.array([arc]), tip.position[None],
+        tip.axes[None, :, 2], force[None], np.zeros(1), np.array([slides]),
     )  # fmt: skip
     if table is None:
         return own

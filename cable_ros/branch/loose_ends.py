@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.branch.coupling import LOOSE, Loose
+from cable_ros.branch.grip import Grip
 from cable_ros.contact.distance import across, gap
 from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import quaternion
@@ -33,6 +34,13 @@ class Face(NamedTuple):
     """(WIDTH,) of `contact.distance`, SI, world."""
     lies: bool
     """Whether the cable lies there: its last tangent is in the face."""
+    grip: Grip | None = None
+    """How it rubs; None: it lies, or there is no friction."""
+
+    @property
+    def touch(self) -> tuple[int, bool]:
+        """Its number, and whether the cable lies there."""
+        return self.obstacle, self.lies
 
 
 class Surface(NamedTuple):
@@ -104,7 +112,7 @@ class Tip(NamedTuple):
     def yields(self, mount: np.ndarray) -> np.ndarray | None:
         """(3, 3) projector on the directions, world, along which nothing but a given force holds it.
 
-        None: it is held, or it is at the start, from which positions count. `mount` (7,).
+        None: it is held, it rubs, or it is at the start, from which positions count. `mount` (7,).
         """
         if self.which == 0 or not (self.world or self.slides):
             return None
@@ -112,6 +120,8 @@ class Tip(NamedTuple):
         if self.slides:
             along = quaternion.rotate(quaternion.from_ros(mount[3:]), n)
             return np.outer(along, along)
+        if self.face is not None and self.face.grip is not None:
+            return None
         return np.eye(3) if self.face is None else np.eye(3) - np.outer(n, n)
 
     def displaced(self, by: np.ndarray, mount: np.ndarray) -> Tip:
@@ -175,11 +185,12 @@ class LooseEnd:
         slides = bool(self.mask[ALONG])
         return Tip(self.which, False, along * self._axes[:, 2], turn, self._axes, np.eye(3), slides)
 
-    def held_by(self, face: tuple[int, bool] | None) -> np.ndarray:
+    def held_by(self, face: tuple[int, bool] | None, sticks: bool) -> np.ndarray:
         """(6,) which unknowns there are on a face: an obstacle's number, and whether it lies there."""
         mask = self.mask.copy()
         if face is not None:
             mask[ALONG], mask[PITCH] = False, not face[1]
+            mask[3:5] &= not sticks
         return mask
 
     def loose(self, tip: Tip, mount: np.ndarray, wound: float) -> Loose:

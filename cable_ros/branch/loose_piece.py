@@ -4,7 +4,8 @@
 A free end that is held where it is tried would ask a cable that hangs straight for unbounded tension. So a
 spring holds it, which pulls with the force that the end had: along the directions of `Tip.yields` the end
 gives way to what its force changes by, and the next step begins where it arrived. The spring is no part of
-any result, for there the force is the given one.
+any result, for there the force is the given one. With friction of obstacles each try begins at the last
+pose, and so a soft spring pulls with the given force at once.
 """
 
 from __future__ import annotations
@@ -33,8 +34,10 @@ from cable_ros.scene.model import CLAMPED, Mount
 
 ROUGHLY = 1e-2
 """Tolerance of an equilibrium without obstacles, beside which one is searched for."""
-YIELD = 0.1
-"""How far an end that yields does so, L, under the cable's load or EI / L^2."""
+YIELD, LOOSELY = 0.1, 1e4
+"""How far an end that yields does so, L, under the cable's load or EI / L^2; and L^3 / EI, with friction of
+obstacles, so far that what it bears is the given force.
+"""
 
 
 class LoosePiece(SharedPiece):
@@ -121,7 +124,11 @@ class LoosePiece(SharedPiece):
             compliance = HELD
             if place.yields is not None:
                 turn = quaternion.matrix_from_ros(place.poses[0, 3:])
-                compliance = YIELD / max(self._load, 1.0) * turn.T @ place.yields @ turn
+                yields = turn.T @ place.yields @ turn
+                compliance = YIELD / max(self._load, 1.0) * yields
+                if self.rubs and place.pull is not None:
+                    compliance = LOOSELY * yields
+                    self._F = self._F + yields @ (place.pull @ turn / self._units.force - self._F)
             bare = rod.bare
             rod.yield_at_end(compliance)
             if rod.bare and not bare:

@@ -141,6 +141,7 @@ class Released(Balance):
             return True
         for piece in self.pieces:
             piece.rub(False)
+        self._slips = [False] * len(self.loose)
         self._wound = 0.0
         found = self._descended(kinematics, joints, mounts)
         if found is not None:
@@ -221,7 +222,7 @@ class Released(Balance):
         def back(to: Shared) -> None:
             nonlocal state
             self._return()
-            self._faces = [None if tip.face is None else tip.face[::2] for tip in to.tips]
+            self._faces = [None if tip.face is None else tip.face.touch for tip in to.tips]
             state = to
 
         def landed(at: Shared) -> Shared:

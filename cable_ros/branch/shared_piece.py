@@ -20,7 +20,7 @@ from cable_ros.branch.searched_equilibrium import ALGEBRAIC
 from cable_ros.branch.snap_through import snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.active_set_rod import ActiveSetRod
-from cable_ros.contact.distance import placed
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, placed
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.lengthening import lengthen
 from cable_ros.contact.points import BEFORE, FRICTION
@@ -60,6 +60,8 @@ class Place(NamedTuple):
     """Arc length of the cable where it starts, m."""
     yields: np.ndarray | None = None
     """See `Tip.yields`: along these directions its end is tried there, and is where forces let it be."""
+    pull: np.ndarray | None = None
+    """(3,) N, world, the force that is given there."""
 
 
 class Kept(NamedTuple):
@@ -146,6 +148,12 @@ class SharedPiece(CableTracker):
     def rubs(self) -> bool:
         """Whether friction of obstacles may hold it."""
         return self._model == COULOMB and not self.clear
+
+    def friction_of(self, obstacle: int) -> float:
+        """The coefficient of an obstacle, by its number; 0 as long as friction is left out."""
+        if self._obstacles is None or self._model != COULOMB:
+            return 0.0
+        return float(self._obstacles[obstacle, FRICTION_COEFFICIENT])
 
     @property
     def rubbing(self) -> bool:

@@ -405,7 +405,7 @@ class ActiveSetRod(FrictionalRod):
         try:
             code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(
                 last, conditions, obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
-                (*friction, *contact, self.drag), control, (q_new, F_new),
+                (*friction, *contact, self.drag, float(self.least)), control, (q_new, F_new),
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned, foreseen = warm_step.NOT_CONTRACTING, 0, False, np.inf, 0.0

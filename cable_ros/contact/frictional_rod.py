@@ -143,7 +143,7 @@ class FrictionalRod(FixedSetRod):
         most = (LYING_CHANGE if slack else TAUT_CHANGE) if self.has_patch else POINTS_CHANGE
         longest = stride(self._friction_change(q_new, F_new, obstacles, most), most)
         if landed or (self.has_patch and slack):
-            larger = max(float(np.linalg.norm(F)), force, 1e-300)
+            larger = max(float(np.linalg.norm(F)), force, self.least)
             change = float(np.linalg.norm(F_new - F)) / larger
             most = FORCE_CHANGE if self.has_patch else LANDING_CHANGE
             longest = min(longest, stride(change, most if slack else TAUT_FORCE_CHANGE))

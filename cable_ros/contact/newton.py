@@ -130,7 +130,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
     V, lines, totals = rows.V, rows.lines, evaluation.totals
-    model, _, _, _, softest, samples, depth, give, finest, bubbles, drag = options
+    model, _, _, _, softest, samples, depth, give, finest, bubbles, drag, _ = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
     order = N.shape[1] - 1
@@ -253,6 +253,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             for i in range(n):
                 gone[i] += s[i]
             change, couple, scale = correct_forces(points, count, y, lines, F_new, strain.reach.shape[0] > 0)
+            scale = max(scale, options.least)
             turned = max(step, couple / scale, move_ends(points, count, y, spacing))
             step = max(turned, change / scale)
             if not tangent:

@@ -146,7 +146,7 @@ def load_scene(
     effects = _effects(top)
     if obstacles:
         _check_strain_with_contact(top, cables, obstacles, friction_model, effects)
-        _check_free_ends_with_friction(top, cables, obstacles, effects)
+        _check_free_start_with_friction(top, cables, obstacles, effects)
         _check_friction_with_supports(top, cables, obstacles, friction_model, effects)
     cable_contact, cable_friction = _cable_contact(top, effects)
     if cable_contact:
@@ -179,22 +179,21 @@ def _check_strain_with_contact(
                 )
 
 
-def _check_free_ends_with_friction(
+def _check_free_start_with_friction(
     top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], effects: str | tuple[str, ...]
 ) -> None:
-    """A free end that lies on something rubs along it, too, which no equation here knows."""
+    """Positions count from the start, and what sticks can't while that moves."""
     if not any(one.friction for one in obstacles):
         return
     if not isinstance(effects, str) and not {"contact", "friction"} <= set(effects):
         return
     for i, cable in enumerate(cables):
-        for name, mount in (("start", cable.start), ("end", cable.end)):
-            if mount.kind == FREE:
-                top.fail(
-                    "a free end and friction of obstacles cannot be combined yet; leave 'friction' of the "
-                    "obstacles out, or let 'effects' list what there is without it",
-                    f"cables[{i}].{name}.kind",
-                )
+        if cable.start.kind == FREE:
+            top.fail(
+                "a free start and friction of obstacles cannot be combined; tell the cable from its other "
+                "end, so that its end is free, or leave 'friction' of the obstacles out",
+                f"cables[{i}].start.kind",
+            )
 
 
 def _check_friction_with_supports(

@@ -7,7 +7,8 @@ gives way to its force F by h R diag(1 / GAx, 1 / GAy, 1 / EA) R^T F: it shears 
 the part before it; node i (0..n) has the position x_i (3,). The energy of a joint between two frames is h/2
 kappa.K.kappa with kappa = (2/h) vec(q_a* q_b); at the clamps the spacing is h/2. Unknowns in the order
 psi_0, F_0, x_1, psi_1, F_1, ..., F_{n-1}: nine per segment, bandwidth 11 on either side. Contact forces lam
-(K, n + 1, 3), one per obstacle and node, are unknowns too and are eliminated node by node.
+(K, n + 1, 3), one per obstacle and node, are unknowns too and are eliminated node by node. Without the end
+clamp x_n is an unknown, too, after F_{n-1}, and no moment is there.
 """
 
 from __future__ import annotations
@@ -97,12 +98,13 @@ def joint(a, b, K, spacing, ga, gb, J):
 def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
     """Residual (into rhs, negative) and its Jacobian (band storage ab). Returns the squared merit.
 
-    rod: K (3,), w (3,), clamps' frames q0, q1 (4,), drag, 1 / GAx, 1 / GAy, 1 / EA (3,). contact: kinds (K,),
-    shapes (K, 7), frames (K, 3, 3), origins (K, 3), mu (K,), radius, r, eps. state: carried positions and old
-    tractions (K, n + 1, 3), positions for the drag (n + 1, 3). aic, aib: what gives the contact forces'
-    increments.
+    rod: K (3,), w (3,), clamps' frames q0, q1 (4,), drag, 1 / GAx, 1 / GAy, 1 / EA (3,), force on a free end
+    (3,; NaN: a clamp holds it). contact: kinds (K,), shapes (K, 7), frames (K, 3, 3), origins (K, 3),
+    mu (K,), radius, r, eps. state: carried positions and old tractions (K, n + 1, 3), positions for the drag
+    (n + 1, 3). aic, aib: what gives the contact forces' increments.
     """
-    K, w, q0, q1, drag, give = rod
+    K, w, q0, q1, drag, give, pull = rod
+    free = pull[0] == pull[0]
     soft = give[2]
     kinds, shapes, frames, origins, mu, radius, r, eps = contact
     carried, old, before = state
@@ -117,7 +119,7 @@ def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
     if jacobian:
         ab[:] = 0.0
     merit = 0.0
-    for j in range(n + 1):
+    for j in range(n if free else n + 1):
         a = q0 if j == 0 else q[j - 1]
         b = q1 if j == n else q[j]
         joint(a, b, K, h / 2 if j in (0, n) else h, ga, gb, J)
@@ -163,19 +165,21 @@ def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
                 ab[row, -2 - i + BAND] -= scale * (la * R[i, 0] + more * fb[0] * R[i, 2])
                 for k in range(3):
                     ab[row, k - i + BAND] -= scale * more * R[i, 2] * R[k, 2]
-                if j < n - 1:
+                if j < n - 1 or free:
                     ab[row, 3 + BAND] += scale
                 if j > 0:
                     ab[row, -6 + BAND] -= scale
         if give[0] > 0.0 or give[1] > 0.0:
             tilt(h, scale, give, R, fb, base, ab, rhs, jacobian)
-    for i in range(1, n):
+    for i in range(1, n + 1 if free else n):
         base = 9 * (i - 1) + 6
         for a in range(3):
-            rhs[base + a] = -(F[i, a] - F[i - 1, a] + h * w[a] - drag * (x[i, a] - before[i, a]))
+            beyond = F[i, a] + h * w[a] if i < n else pull[a] + 0.5 * h * w[a]
+            rhs[base + a] = -(beyond - F[i - 1, a] - drag * (x[i, a] - before[i, a]))
             if jacobian:
                 ab[base + a, BAND] -= drag
-                ab[base + a, 6 + BAND] += 1.0
+                if i < n:
+                    ab[base + a, 6 + BAND] += 1.0
                 ab[base + a, -3 + BAND] -= 1.0
         for k in range(kinds.shape[0]):
             y = frames[k].T @ (x[i] - origins[k])
@@ -276,7 +280,8 @@ def newton(x, q, F, lam, rod, contact, state, tolerance, most):
     Returns the number of iterations, or -1 where the residual stays above the tolerance.
     """
     n, obstacles = q.shape[0], lam.shape[0]
-    size = 9 * n - 3
+    free = rod[-1][0] == rod[-1][0]
+    size = 9 * n if free else 9 * n - 3
     ab, rhs = np.empty((size, WIDTH)), np.empty(size)
     step = np.empty(size)
     aic, aib = np.zeros((obstacles, n + 1, 3)), np.zeros((obstacles, n + 1, 3, 3))
@@ -301,7 +306,7 @@ def newton(x, q, F, lam, rod, contact, state, tolerance, most):
             for j in range(n):
                 psi[j] = part * step[9 * j : 9 * j + 3]
                 F1[j] = F[j] + part * step[9 * j + 3 : 9 * j + 6]
-                if j < n - 1:
+                if j < n - 1 or free:
                     x1[j + 1] = x[j + 1] + part * step[9 * j + 6 : 9 * j + 9]
                     for k in range(obstacles):
                         change = aic[k, j + 1] + aib[k, j + 1] @ step[9 * j + 6 : 9 * j + 9]

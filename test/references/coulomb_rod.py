@@ -66,7 +66,7 @@ class Path:
     start: np.ndarray
     """(7,) pose of the start clamp."""
     ends: np.ndarray
-    """(n, 7) poses of the end clamp."""
+    """(n, 7) poses of the end clamp; of the start clamp, if the end is `free`."""
     radius: float = 0.0
     """Of the cable, m."""
     obstacles: tuple[Obstacle, ...] = ()
@@ -81,6 +81,8 @@ class Path:
     """EA, N."""
     shear: tuple[float, float] = (np.inf, np.inf)
     """GAx, GAy, N."""
+    free: bool = False
+    """Whether nothing holds its end, which touches obstacles as any node does; `start` is then unused."""
 
 
 @dataclass(frozen=True)
@@ -170,15 +172,17 @@ class _Walk:
             frames[k], origins[k] = here.as_matrix(), bodies[k, :3]
         if guess is None:
             new.lam = old.copy()
-        new.x[-1] = end[:3]
+        free = self.path.free
+        new.x[0 if free else -1] = end[:3]
         h = 1.0 / n
         rod = (
             self.K,
             self.w if load is None else load,
-            _first(self.start),
+            _first(end if free else self.start),
             _first(end),
             drag,
             self.force / np.array([*self.path.shear, self.path.axial]),
+            np.full(3, 0.0 if free else np.nan),
         )
         touch = (
             self.kinds,
@@ -284,6 +288,8 @@ class _Walk:
     def begin(self, step: float) -> None:
         """First shape, without friction: led from the helix of `Path.bent` while the weight grows."""
         n = self.segments
+        if self.path.free:
+            self.start = self.ends[0]
         start, end = (Rotation.from_quat(pose[3:]) for pose in (self.start, self.ends[0]))
         low, high = self.path.bent
         parts = np.clip(((np.arange(n) + 0.5) / n - low) / (high - low), 0.0, 1.0)
@@ -299,6 +305,8 @@ class _Walk:
             else np.asarray(self.path.push) * self.path.length / self.force
         )
         ends = np.stack([np.concatenate([x[-1], self.ends[0][3:]]), self.ends[0]])
+        if self.path.free:
+            ends[0] = ends[1]
         self.move(ends, bodies, step, friction=False, loads=np.stack([push, self.w + push]))
         if push.any():
             ends[0] = ends[1]
@@ -311,6 +319,8 @@ class _Walk:
         s, h = self.state, 1.0 / self.segments
         wrenches = []
         ga, gb, J = np.empty(3), np.empty(3), np.empty((2, 2, 3, 3))
+        if self.path.free:
+            self.start = self._end
         kernels.joint(_first(self.start), s.q[0], self.K, h / 2, ga, gb, J)
         # energy's gradient by the clamp's turn is what the clamp gives the rod
         force = s.F[0] + h / 2 * self.w
@@ -318,6 +328,8 @@ class _Walk:
         kernels.joint(s.q[-1], _first(self._end), self.K, h / 2, ga, gb, J)
         force = -(s.F[-1] - h / 2 * self.w)
         wrenches.append(np.concatenate([_turned_back(self._end, force), -gb]))
+        if self.path.free:
+            wrenches[1] = np.zeros(6)
         units = np.array([self.force] * 3 + [self.unit / self.path.length] * 3)
         frames = np.vstack([_first(self.start), s.q, _first(self._end)])
         twist, p = 0.0, np.empty(4)

@@ -73,6 +73,14 @@ def test_second_order_without_contact(name: str) -> None:
     )
 
 
+def test_a_free_end_sags_as_a_beam_does() -> None:
+    weight, level = 0.01, np.array([0.0, 0.0, 0.0, *Rotation.from_euler("y", np.pi / 2).as_quat()])
+    path = Path(1.0, np.ones(3), np.array([0.0, 0.0, -weight]), level, np.stack([level, level]), free=True)
+    coarse, fine = (lead(path, segments).points[-1, -1, 2] for segments in (50, 100))
+    # second order in the segments; the beam's small deflections are within the square of 1e-3
+    assert (4 * fine - coarse) / 3 == pytest.approx(-weight / 8, rel=1e-5)
+
+
 def drum(turns: list[float]) -> tuple[Obstacle, np.ndarray]:
     """A drum about Z and the poses of its body, turned about its own axis."""
     axis = Rotation.from_rotvec(np.outer(turns, [0.0, 0.0, 1.0])).as_quat()
