@@ -60,7 +60,7 @@ class Balance(CoupledRun):
             switched = self._switched(found, origin)
             gripped = self._gripped(mounts, found)
             if not (switched.any() or gripped):
-                return found
+                break
             arcs = np.where(switched & (self._slides == 0), origin, found.arcs)
             guess, self._inverse = Shared(found.turns, arcs, found.tips), None
             if gripped:
@@ -139,12 +139,10 @@ class Balance(CoupledRun):
         for iteration in range(2 * ITERATIONS if rubs else ITERATIONS):
             if self.loose and not touches(self._faces, state.tips):
                 # it has arrived inside of what it touches from here on
-                state, size = (
-                    self._move(kinematics, joints, mounts, self._faced(kinematics, joints, state)),
-                    np.inf,
-                )
+                state = self._move(kinematics, joints, mounts, self._faced(kinematics, joints, state))
                 if state is None:
                     return None
+                size = np.inf
             free = self._solved
             if self._inverse is None or len(self._inverse) != free.sum():
                 if not (
