@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_ros.branch.coupled_run import CoupledRun
 from cable_ros.branch.coupled_state import Shared
-from cable_ros.branch.coupling import LOOSE, Ends, step_size
+from cable_ros.branch.coupling import LOOSE, Ends, across_ring, step_size
 from cable_ros.branch.grip import Grip, friction_force, landed
 from cable_ros.branch.landing import INSIDE, Touch, caught, faced, let_go, touches
 from cable_ros.branch.loose_ends import ALONG, Face
@@ -118,9 +118,8 @@ class Balance(CoupledRun):
         ends = [piece.ends() for piece in self.pieces]
         out, signs = np.zeros(len(self._guides)), np.zeros(len(self._guides), int)
         for j in range(len(out)):
-            total = ends[j].wrenches[6:9] + ends[j + 1].wrenches[:3]
             difference = ends[j + 1].forces[0] - ends[j].forces[1]
-            out[j] = abs(difference) / max(float(np.hypot(total[0], total[1])), 1e-300)
+            out[j] = abs(difference) / max(across_ring(ends[j], ends[j + 1])[0], 1e-300)
             signs[j] = int(np.sign(difference))
         return out, signs
 

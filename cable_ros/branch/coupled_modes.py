@@ -8,8 +8,8 @@ own, that of the second is the tangent of the supports' equations, see `coupling
 them (Craig and Bampton, AIAA J. 6, 1968; here no mode is left out).
 
 The kinetic energy is that of the material, so each piece is taken with the material that it has at rest. If a
-support pays out the length da, the section that was in it moves by -t da. It turns by -[kappa] da more than
-the section that is in the support afterwards.
+support pays out the length da, the section that was in it moves by -v da, v the derivative of the position by
+the unstretched length. It turns by -[kappa] da more than the section that is in the support afterwards.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_ros.branch.coupling import END, LOOSE, PER, START, TANGENT, Ends, Loose
+from cable_ros.branch.coupling import END, LOOSE, PER, START, Ends, Loose
 from cable_ros.branch.modes import Vibrating, displacements, followed, normalised
 from cable_ros.equilibrium import Modes
 from cable_ros.rod.units import Units
@@ -98,7 +98,7 @@ def _mount_motions(ends: Ends, i: int, count: int, length: float, loose: Sequenc
     for which, j in enumerate((i - 1, i)):
         if 0 <= j < count - 1:
             at, first = PER * j, 6 * which
-            out[first : first + 3, at + 3] = -TANGENT / length
+            out[first : first + 3, at + 3] = -ends.strains[which] / length
             out[first + 3 : first + 6, at : at + 3] = np.eye(3)
             out[first + 3 : first + 6, at + 3] = -ends.curvatures[which]
     return out

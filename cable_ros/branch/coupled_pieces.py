@@ -172,7 +172,7 @@ class CoupledPieces(Released):
         fixed = [0, *(j for j, slides in enumerate(self._guides.tolist(), 1) if not slides), len(chords)]
         for a, b in itertools.pairwise(fixed):
             chord, length = sum(chords[a:b]), cuts[b] - cuts[a]
-            if chord >= length:
+            if chord >= self.pieces[0].longest * length:
                 way = "way through its rings and tubes" if b > a + 1 else "distance between its supports"
                 more = (
                     f"{(chord - length) * 1e3:.4g} mm longer than" if chord - length > 1e-9 else "as long as"
@@ -375,8 +375,10 @@ class CoupledPieces(Released):
 
 
 def _loose(scene: Scene, run: Cable) -> tuple[LooseEnd, ...]:
-    """The ends of a run that are solved as its supports are: among obstacles those that are not clamps."""
-    return loose_ends(run) if scene.has_contact else ()
+    """The ends of a run that are solved as its supports are: those that are not clamps, among obstacles or of
+    a cable that strains.
+    """
+    return loose_ends(run) if scene.has_contact or scene.strains(run) else ()
 
 
 def kinds(scene: Scene) -> list[Callable[..., CableTracker]]:

@@ -138,7 +138,10 @@ def reachable(mounts: np.ndarray, arcs: np.ndarray, length: float, slides: np.nd
     fixed = [0, *(j + 1 for j in range(len(arcs)) if not slides[j]), len(cuts) - 1]
     for a, b in itertools.pairwise(fixed):
         slack = cuts[b] - cuts[a] - chords[a:b].sum()
-        if b == a + 1 or not slack > 0.0:
+        if b == a + 1:
+            continue
+        if not slack > 0.0:  # a cable that stretches: alike everywhere
+            cuts[a + 1 : b] = cuts[a] + np.cumsum(chords[a:b])[:-1] * (cuts[b] - cuts[a]) / chords[a:b].sum()
             continue
         room = min(ROOM - 1.0, 0.5 * slack / chords[a:b].sum())
         least = (1.0 + room) * chords[a:b]

@@ -6,16 +6,19 @@ a ring or tube the arc length that is there. With the pieces' energies E_i(pose 
 equilibrium is a stationary point of their sum:
 
 - by a rotation of the section: the moments of both pieces on the support are in balance;
-- by the arc length: so are the configurational forces, H = F.t + 1/2 m.K^-1 m + m.kappa0 on both sides, with
-  the internal force F and moment m, the stiffness K and the natural strain kappa0. dE/dL = -H. As m is the
-  same on both sides of a ring, so is the tension F.t.
+- by the arc length: so are the configurational forces, H = F.t + 1/2 F.C F + 1/2 m.K^-1 m + m.kappa0 on both
+  sides, with the internal force F and moment m, the compliance C against shear and tension, the stiffness K
+  and the natural strain kappa0. dE/dL = -H, by the unstretched length. As m is the same on both sides of a
+  ring, so is the tension F.t of a cable that keeps its length. One that does not has r' = R v, v = t + C F,
+  and the force of a ring is across the mean of v on its two sides, for the difference of H is its product
+  with that.
 
 A tube holds the direction of the section: the rotation about the tangent alone is free. It takes up bending
 moments, and so exerts a force along the cable, by which 1/2 m.K^-1 m differs on its two sides: the
 Eshelby-like force of a sliding sleeve (Bigoni, Dal Corso, Bosi and Misseroni 2015).
 
 The derivative of a piece's wrenches by its length follows from its clamp stiffness alone: a piece that goes
-on beyond its end as the solution does, dr = t ds, dR = R [kappa] ds, keeps its shape, and its end wrench
+on beyond its end as the solution does, dr = R v ds, dR = R [kappa] ds, keeps its shape, and its end wrench
 follows the rod's own differential equations.
 """
 
@@ -50,6 +53,8 @@ class Section(NamedTuple):
     """(3,) N m^2."""
     natural: np.ndarray
     """(3,) curvature and twist of the unloaded cable, 1/m."""
+    compliance: np.ndarray = np.zeros(3)
+    """(3,) against shear and tension, 1/N."""
 
 
 class Ends(NamedTuple):
@@ -61,13 +66,17 @@ class Ends(NamedTuple):
     """(2, 3) curvature and twist, 1/m."""
     forces: np.ndarray
     """(2,) configurational force H, N."""
+    strains: np.ndarray
+    """(2, 3) derivative v of the position by the unstretched arc length; the tangent if nothing stretches."""
+    compliance: np.ndarray
+    """(3,) of `Section`."""
 
     @classmethod
     def of(cls, wrenches: np.ndarray, section: Section) -> Ends:
         """From its wrenches."""
-        curvatures, forces = np.empty((2, 3)), np.empty(2)
-        _read_ends(wrenches, section.stiffness, section.natural, curvatures, forces)
-        return cls(wrenches, curvatures, forces)
+        curvatures, forces, strains = np.empty((2, 3)), np.empty(2), np.empty((2, 3))
+        _read_ends(wrenches, *section, curvatures, forces, strains)
+        return cls(wrenches, curvatures, forces, strains, section.compliance)
 
 
 @njit(**LEAF_ENTRY)
@@ -87,11 +96,17 @@ def onto_mounts(mounts, sections, wrenches, out):  # type: ignore[no-untyped-def
 
 
 @njit(**LEAF_ENTRY)
-def _read_ends(wrenches, stiffness, natural, curvatures, forces):  # type: ignore[no-untyped-def]
-    """Curvatures (2, 3) and configurational forces (2,) from the wrenches (12,): see `Ends`."""
+def _read_ends(wrenches, stiffness, natural, soft, curvatures, forces, strains):  # type: ignore[no-untyped-def]
+    """Curvatures (2, 3), configurational forces (2,) and strains (2, 3) from the wrenches (12,); see `Ends`.
+
+    `stiffness`, `natural`, `soft`: fields of `Section`.
+    """
     for i, sign in enumerate((1.0, -1.0)):
         forces[i] = sign * wrenches[6 * i + 2]
         for k in range(3):
+            strain = soft[k] * sign * wrenches[6 * i + k]
+            strains[i, k] = strain + (1.0 if k == 2 else 0.0)
+            forces[i] += 0.5 * strain * sign * wrenches[6 * i + k]
             moment = sign * wrenches[6 * i + 3 + k]
             elastic = moment / stiffness[k]
             curvatures[i, k] = elastic + natural[k]
@@ -118,10 +133,10 @@ class Side(NamedTuple):
                 it must be the other one.
         """
         own, sign = (END, 1.0) if by_end else (START, -1.0)
-        kappa, W = ends.curvatures[int(by_end)], ends.wrenches[own]
-        growth = -sign * response[:, own] @ np.concatenate([TANGENT, kappa])
-        # the rod's equations in the section's frame: F' = -kappa x F - f, m' = -kappa x m - t x F
-        turned = np.concatenate([cross(kappa, W[:3]), cross(kappa, W[3:]) + cross(TANGENT, W[:3])])
+        kappa, v, W = ends.curvatures[int(by_end)], ends.strains[int(by_end)], ends.wrenches[own]
+        growth = -sign * response[:, own] @ np.concatenate([v, kappa])
+        # the rod's equations in the section's frame: F' = -kappa x F - f, m' = -kappa x m - v x F
+        turned = np.concatenate([cross(kappa, W[:3]), cross(kappa, W[3:]) + cross(v, W[:3])])
         growth[own] -= sign * turned
         growth[own][:3] += loads[int(by_end)]
         return cls(ends, response, growth)
@@ -209,7 +224,29 @@ def residual_of(ends: Sequence[Ends], friction: np.ndarray, loose: Sequence[Loos
     for j, slip in enumerate(friction.tolist()):
         before, after = ends[j], ends[j + 1]
         _at_support(before.wrenches, after.wrenches, before.forces, after.forces, slip, j, out)
+        if slip != 0.0 and after.compliance.any():
+            out[PER * j + 3] = after.forces[0] - before.forces[1] - across_ring(before, after, slip)[0]
     return out
+
+
+def across_ring(before: Ends, after: Ends, slip: float = 1.0) -> tuple[float, np.ndarray, np.ndarray]:
+    """Force of a ring across the cable times its stretch and `slip`, N, and derivatives by the pieces' forces.
+
+    By at most mu times this the configurational forces differ: with the mean v of both sides they differ by
+    v.P, P the ring's force, so that v is the direction in which the cable slides, and P is |v x P| / |v|
+    across it. The derivatives are (3,), by the force of the piece before the ring, and of that after it.
+    """
+    total = before.wrenches[6:9] + after.wrenches[:3]
+    if not after.compliance.any():
+        across = float(np.hypot(total[0], total[1]))
+        by_force = slip * np.array([total[0], total[1], 0.0]) / max(across, 1e-300)
+        return slip * across, by_force, by_force
+    v = 0.5 * (before.strains[1] + after.strains[0])
+    lever = cross(v, total)
+    across = float(np.linalg.norm(lever))
+    unit = slip * lever / max(across, 1e-300)
+    by_force, by_strain = cross(unit, v), 0.5 * after.compliance * cross(total, unit)
+    return slip * across, by_force - by_strain, by_force + by_strain
 
 
 @njit(**LEAF_ENTRY)
@@ -230,7 +267,8 @@ def assemble(sides: Sequence[Side], friction: np.ndarray, loose: Sequence[Loose]
     Args:
         sides: the pieces, with the same k obstacles.
         friction: (n,) of each ring, mu where the cable slides towards its end, -mu where it slides back, 0
-            without friction: the difference of the tensions is that times the force across the cable.
+            without friction: the difference of the tensions is that times the force across the cable, see
+            `across_ring`.
         loose: the loose ends.
     """
     count, n = len(sides), len(friction)
@@ -242,12 +280,13 @@ def assemble(sides: Sequence[Side], friction: np.ndarray, loose: Sequence[Loose]
         end, start = slice(12 * j + 6, 12 * j + 12), slice(12 * j + 12, 12 * j + 18)
         for where, side, which in ((end, before, 1), (start, after, 0)):
             by_wrenches[at : at + 3, where][:, 3:] = -np.eye(3)
-            by_wrenches[at + 3, where] = np.concatenate([TANGENT, side.ends.curvatures[which]])
-        total = before.ends.wrenches[END] + after.ends.wrenches[START]
-        across = float(np.hypot(total[0], total[1]))
-        if slip and across > 0.0:
-            for where in (end, start):
-                by_wrenches[at + 3, where][:2] -= slip * total[:2] / across
+            by_wrenches[at + 3, where] = np.concatenate(
+                [side.ends.strains[which], side.ends.curvatures[which]]
+            )
+        if slip:
+            slopes = across_ring(before.ends, after.ends, slip)[1:]
+            for where, by_force in zip((end, start), slopes, strict=True):
+                by_wrenches[at + 3, where][:3] -= by_force
         for i, side, own, sign in ((j, before, END, 1.0), (j + 1, after, START, -1.0)):
             rows = np.r_[12 * i : 12 * i + 12, size : size + obstacles]
             spread[rows, at : at + 3] += side.response[:, own][:, 3:]

@@ -75,7 +75,7 @@ class Reader:
             at = equally_spaced(count) if isinstance(where, int) else where
             table = (unit.force, unit.moment, unit.length), integrals(rod.mesh.element.order), at
             output.read_anywhere(q, (rod.h, rod.s0), start, F, rod.f, contact, rod.qe, rod.g, table, out)
-            rod.stretch_anywhere(at, start, unit.length, points)
+            rod.stretch_anywhere(q, F, at, start, unit.length, points)
             if not rod.clamped:
                 end_wrench[:], start_wrench[:] = wrenches(rod, q, F, unit)
             return out
@@ -117,7 +117,17 @@ class Tangent:
     Implements `equilibrium.Linearised`. It costs little until it is used.
     """
 
-    __slots__ = ("_F", "_conditions", "_density", "_names", "_q", "_snapshot", "_start", "_unit")
+    __slots__ = (
+        "_F",
+        "_compliance",
+        "_conditions",
+        "_density",
+        "_names",
+        "_q",
+        "_snapshot",
+        "_start",
+        "_unit",
+    )
 
     def __init__(
         self, rod: Rod, q: np.ndarray, F: np.ndarray, unit: Units, names: Sequence[str], start: np.ndarray,
@@ -130,10 +140,11 @@ class Tangent:
         """
         self._snapshot, self._conditions = rod.snapshot(), (rod.qe, rod.re, rod.f)
         self._q, self._F, self._unit, self._names, self._density = q, F, unit, names, density
-        self._start = start
+        self._start, self._compliance = start, rod.compliance  # the rod's is another at another length
 
     def _rod(self, held: bool = False) -> Rod:
         copy = self._snapshot()
+        copy.compliance = self._compliance
         copy.set_conditions(*self._conditions)
         if held and isinstance(copy, FixedSetRod):
             copy.yield_at_end(HELD)

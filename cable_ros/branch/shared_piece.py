@@ -173,6 +173,16 @@ class SharedPiece(CableTracker):
         return self._units.length
 
     @property
+    def _stretches(self) -> bool:
+        """Whether it lengthens under tension: it may be straight, and longer than unloaded."""
+        return self._compliance is not None and bool(self._compliance[2])
+
+    @property
+    def longest(self) -> float:
+        """Maximum distance of its ends, as a fraction of its length."""
+        return self._reach
+
+    @property
     def slack(self) -> float:
         """What it is longer than the distance of its ends, as a fraction of its length."""
         assert self._rod is not None
@@ -185,6 +195,10 @@ class SharedPiece(CableTracker):
             return
         self._length, ratio = length, length / before.length
         self._units = Units(length, before.stiffness)
+        if self._compliance is not None:
+            self._compliance = self._compliance / ratio**2
+            if rod is not None:
+                rod.compliance = rod.compliance / ratio**2
         if self._bent:
             self._natural = ratio * self._natural
             if rod is not None:
@@ -270,7 +284,7 @@ class SharedPiece(CableTracker):
         then = self._lengthen(rod, place)
         qe, re, f, obstacles, far, _ = self._destination(kinematics, joints, place.poses, rod)
         self._let_yield(rod, place)
-        holds = rod.chord(qe, re) < 1.0 and self.slack > STRAIGHT
+        holds = rod.chord(qe, re) < self._reach and (self._stretches or self.slack > STRAIGHT)
         if far <= rod.longest_step and (place.yields is not None or holds):
             rod.work, rod.patience, rod.short = self._full_budget, 0, False
             rod.trial = rod.tentative = self.rubs
@@ -362,7 +376,7 @@ class SharedPiece(CableTracker):
             *relative(place.poses, rod.qe, self._weight, unit.length, unit.force),
             self._placed(kinematics, joints, place.poses),
         )
-        if not rod.chord(there.qe, there.re) < 1.0:
+        if not rod.chord(there.qe, there.re) < self._reach:
             return False
         self._let_yield(rod, place._replace(yields=None))
         rod.work = self._full_budget
@@ -399,9 +413,11 @@ class SharedPiece(CableTracker):
     @property
     def section(self) -> Section:
         """What it is made of."""
-        known, of = self._known_section, (self._stiffness, self._natural)
-        if known is None or known[0][0] is not of[0] or known[0][1] is not of[1]:
+        known, of = self._known_section, (self._stiffness, self._natural, self._compliance)
+        if known is None or not all(map(is_, known[0], of)):
             section = Section(self._stiffness * self._units.stiffness, self._natural / self.length)
+            if self._compliance is not None:
+                section = section._replace(compliance=self._compliance / self._units.force)
             self._known_section = known = of, section
         return known[1]
 

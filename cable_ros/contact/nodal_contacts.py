@@ -280,7 +280,10 @@ class NodalContacts(Rod):
         higher = np.einsum("kg,mga->mka", self.tables.primitives, self._rates()) * self.h[:, None, None]
         return np.concatenate((self.state.r[:-1, None], higher), axis=1)
 
-    def stretch_anywhere(self, at: np.ndarray, start: np.ndarray, length: float, points: np.ndarray) -> None:
+    def stretch_anywhere(
+        self, q: np.ndarray, F: np.ndarray, at: np.ndarray, start: np.ndarray, length: float,
+        points: np.ndarray,
+    ) -> None:  # fmt: skip
         if self.compliance.any():
             turn = quaternion.matrix_from_ros(start[3:])
             points[:] = (

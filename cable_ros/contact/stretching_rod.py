@@ -161,7 +161,10 @@ class StretchingTouchingRod(StrainingTouchingRod):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         return descend_instead(self, q, F, qe, re, f, limit, obstacles, failed, _descended)
 
-    def stretch_anywhere(self, at: np.ndarray, start: np.ndarray, length: float, points: np.ndarray) -> None:
+    def stretch_anywhere(
+        self, q: np.ndarray, F: np.ndarray, at: np.ndarray, start: np.ndarray, length: float,
+        points: np.ndarray,
+    ) -> None:  # fmt: skip
         turn = quaternion.matrix_from_ros(start[3:])
         points[:] = start[:3] + length * positions(self.c, self.h, self.s0, at) @ turn.T
 

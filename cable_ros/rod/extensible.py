@@ -11,7 +11,7 @@ import numpy as np
 from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import entry_points, quaternion, warm_step
 from cable_ros.rod.clamp_stiffness import clamp_response
-from cable_ros.rod.elements import Mesh
+from cable_ros.rod.elements import Mesh, sampling
 from cable_ros.rod.extensible_kernels import stretch_polyline
 from cable_ros.rod.extensible_step import advance_stretching, moments
 from cable_ros.rod.kirchhoff import Rod
@@ -217,6 +217,12 @@ class StretchingRod(Rod):
         """
         mesh = self.h, self.s0
         stretch_polyline(q, (F, self.f), self.compliance, mesh, table, start, length, points)
+
+    def stretch_anywhere(
+        self, q: np.ndarray, F: np.ndarray, at: np.ndarray, start: np.ndarray, length: float,
+        points: np.ndarray,
+    ) -> None:  # fmt: skip
+        self.stretch_points(q, F, tuple(sampling(self.mesh, at)), start, length, points)
 
     def clamp_stiffness(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         self.linearize(q, F)

@@ -321,7 +321,10 @@ class Rod(WithoutContact):
     ) -> None:  # fmt: skip
         """Add the displacement by the stretch to the `points`; see `StretchingRod`."""
 
-    def stretch_anywhere(self, at: np.ndarray, start: np.ndarray, length: float, points: np.ndarray) -> None:
+    def stretch_anywhere(
+        self, q: np.ndarray, F: np.ndarray, at: np.ndarray, start: np.ndarray, length: float,
+        points: np.ndarray,
+    ) -> None:  # fmt: skip
         """Put the `points` (c, 3) at the arc lengths `at` (c,) where a cable that stretches has them."""
 
     def wrench_error(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:

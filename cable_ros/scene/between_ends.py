@@ -178,10 +178,3 @@ def check_supports(cable: Section, read: Cable) -> None:
                     "to it; put a clip there, or leave the moment out",
                     f"{name}.moment",
                 )
-        for name in ("axial_stiffness", "shear_stiffness"):
-            if name in cable:
-                cable.fail(
-                    f"a cable that stretches or shears is supported between clamps only, not at its {which}; "
-                    f"leave '{name}' out, or give clips",
-                    name,
-                )

@@ -163,7 +163,9 @@ def _check_strain_with_contact(
     top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], friction_model: str,
     effects: str | tuple[str, ...],
 ) -> None:  # fmt: skip
-    """Friction by the end's motion knows no strain."""
+    """Friction by the end's motion knows no strain; next to pins and the like friction knows none, and contact
+    knows no shear.
+    """
 
     def both(*names: str) -> bool:
         return isinstance(effects, str) or set(names) <= set(effects)
@@ -175,6 +177,16 @@ def _check_strain_with_contact(
                 top.fail(
                     f"{name} and friction_model sliding cannot be combined; choose coulomb, leave "
                     f"{field} or the obstacles' friction out, or let 'effects' list one of the two",
+                    f"cables[{i}].{field}",
+                )
+            if getattr(cable, field) is None or not both(name, "contact") or not cable.released:
+                continue
+            rubs = both("friction") and any(obstacle.friction for obstacle in obstacles)
+            if rubs or name == "shear":
+                where, what = ("rough obstacles", "their friction") if rubs else ("obstacles", "these")
+                top.fail(
+                    f"{name} among {where} is solved between clamps only, and there is {cable.released}; "
+                    f"leave {field} or {what} out, or clamp the cable there",
                     f"cables[{i}].{field}",
                 )
 

@@ -132,6 +132,14 @@ class Cable:
         return self.start, *(support.mount for support in self.supports), self.end
 
     @property
+    def released(self) -> str:
+        """What lets it turn or slide, in words; empty if clamps alone hold it."""
+        for name, mount in (("start", self.start), ("end", self.end)):
+            if mount.kind != CLAMPED:
+                return f"a {mount.kind} {name}"
+        return next((f"the {one.kind} '{one.name}'" for one in self.supports if one.couples), "")
+
+    @property
     def pieces(self) -> tuple[Cable, ...]:
         """The parts between supports, each a cable of its own with this one's name; without them itself."""
         return self._cut_at(self.supports)
@@ -216,6 +224,14 @@ class Scene:
     def pieces(self) -> tuple[Cable, ...]:
         """The pieces of all cables, cable by cable; see `Cable.pieces`."""
         return tuple(piece for cable in self.cables for piece in cable.pieces)
+
+    def strains(self, cable: Cable) -> bool:
+        """Whether a cable stretches or shears."""
+        fields = (("stretch", cable.axial_stiffness), ("shear", cable.shear_stiffness))
+        return any(
+            value is not None and (isinstance(self.effects, str) or name in self.effects)
+            for name, value in fields
+        )
 
     @property
     def has_contact(self) -> bool:

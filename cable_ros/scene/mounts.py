@@ -144,15 +144,6 @@ def check_ends(cable: Section, start: Mount, end: Mount) -> None:
             "branches of a cable that cannot turn about its tangent at either end",
             "total_twist",
         )
-    if start.kind == end.kind == CLAMPED:
-        return
-    for name in ("axial_stiffness", "shear_stiffness"):
-        if name in cable:
-            cable.fail(
-                f"{kinds}, and a cable that stretches or shears is supported between two clamps only; "
-                f"leave '{name}' out, or clamp both ends",
-                name,
-            )
 
 
 def _constant(values: list[float] | np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@
 """A rod with ends of any kind by shooting: initial values at the start, met at the end; shares no code.
 
 State (r, R, F, M) in the world, SI: r' = t, R' = R [kappa]x with R^T M = K (kappa - kappa0), F' = -w,
-M' = -t x F (Liu et al. 2018, equations 8 and 9), with F, M what the part beyond exerts on the part before.
+M' = -t x F (Liu et al. 2018, equations 8 and 9), with F, M what the part beyond exerts on the part before. A
+cable that stretches or shears has t + R C R^T F in the place of t, with its compliance C.
 Balls that it touches push on it at points: F jumps there, by a force along the normal across the tangent. A
 free end may rest on a plane.
 """
@@ -16,6 +17,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
+
+from references.supported import compliance
 
 
 @dataclass(frozen=True)
@@ -81,14 +84,14 @@ class Problem:
         return self._span(y, at, self.cable["length"]), missed.ravel()
 
     def _span(self, initial: np.ndarray, begin: float, end: float) -> np.ndarray:
-        weight = self.cable["linear_density"] * self.gravity
+        weight, soft = self.cable["linear_density"] * self.gravity, compliance(self.cable)
 
         def slope(_: float, y: np.ndarray) -> np.ndarray:
             R = y[3:12].reshape(3, 3)
             F, M = y[12:15], y[15:]
             kappa = R.T @ M / self.K + self.natural
             spin = np.array([[0, -kappa[2], kappa[1]], [kappa[2], 0, -kappa[0]], [-kappa[1], kappa[0], 0]])
-            t = R[:, 2]
+            t = R[:, 2] + R @ (soft * (R.T @ F))
             return np.concatenate([t, (R @ spin).ravel(), -weight, -np.cross(t, F)])
 
         span = (begin, end)

@@ -2,9 +2,10 @@
 """A rod between two clamps, held by pins, rings and tubes, by shooting over all of it; shares no code.
 
 The equations are those of `held_ends`. At a support the force on the cable jumps; the moment does not, but
-for that across a tube. The arc length in a ring is an unknown, and the jump along the tangent is a given
-fraction of that across it. In a tube it is one, too, and F.t + m.K^-1 m / 2 + m.kappa0 does not jump (Bigoni,
-Dal Corso, Bosi and Misseroni 2015).
+for that across a tube. The arc length in a ring is an unknown, and the jump along the direction in which the
+cable goes through it, the mean of r' on both sides, is a given fraction of that across it. In a tube it is
+one, too, and F.t + F.C F / 2 + m.K^-1 m / 2 + m.kappa0 does not jump (Bigoni, Dal Corso, Bosi and Misseroni
+2015, of a rod that keeps its length).
 """
 
 from __future__ import annotations
@@ -16,6 +17,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
+
+
+def compliance(cable: dict[str, Any]) -> np.ndarray:
+    """(3,) against shear and tension, 1/N, of a cable of a scene mapping."""
+    shear = cable.get("shear_stiffness", [np.inf, np.inf])
+    return 1.0 / np.array([*shear, cable.get("axial_stiffness", np.inf)])
 
 
 @dataclass(frozen=True)
@@ -53,7 +60,7 @@ def solve(
     """The equilibrium near a guess of forces and arc lengths."""
     K = np.array(cable["stiffness"], float)
     natural = np.array(cable.get("natural_strain", [0.0, 0.0, 0.0]))
-    weight = cable["linear_density"] * gravity
+    weight, soft = cable["linear_density"] * gravity, compliance(cable)
     first, last = (Rotation.from_euler("xyz", cable[end]["rpy"]) for end in ("start", "end"))
     count = len(held)
     tubes = [j for j in range(count) if held[j].tube is not None]
@@ -65,13 +72,16 @@ def solve(
 
     def slope(_: float, y: np.ndarray) -> np.ndarray:
         R, F, M = y[3:12].reshape(3, 3), y[12:15], y[15:]
-        k = R.T @ M / K + natural
+        k, along = R.T @ M / K + natural, stretched(R, F)
         spin = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
-        return np.concatenate([R[:, 2], (R @ spin).ravel(), -weight, -np.cross(R[:, 2], F)])
+        return np.concatenate([along, (R @ spin).ravel(), -weight, -np.cross(along, F)])
+
+    def stretched(R: np.ndarray, F: np.ndarray) -> np.ndarray:
+        return R[:, 2] + R @ (soft * (R.T @ F))
 
     def configurational(R: np.ndarray, F: np.ndarray, M: np.ndarray) -> float:
-        m = R.T @ M
-        return float(F @ R[:, 2] + 0.5 * m @ (m / K) + m @ natural)
+        m, n = R.T @ M, R.T @ F
+        return float(n[2] + 0.5 * n @ (soft * n) + 0.5 * m @ (m / K) + m @ natural)
 
     def missed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         jumps, arcs = x[6 : 6 + 3 * count].reshape(-1, 3), x[6 + 3 * count : 6 + 4 * count]
@@ -84,14 +94,15 @@ def solve(
                 break
             out.append(y[:3] - held[j].position)
             R = y[3:12].reshape(3, 3)
-            tangent = R[:, 2]
             tube = held[j].tube
             if tube is not None:
-                out.append(tube.inv().apply(tangent)[:2])
+                out.append(tube.inv().apply(R[:, 2])[:2])
                 before = configurational(R, y[12:15], y[15:])
                 y[12:] -= np.concatenate([jumps[j], tube.apply(turning[j])])
                 out.append(np.array([configurational(R, y[12:15], y[15:]) - before]))
                 continue
+            way = stretched(R, y[12:15]) + stretched(R, y[12:15] - jumps[j])
+            tangent = way / np.linalg.norm(way)
             along = float(jumps[j] @ tangent)
             across = float(np.linalg.norm(jumps[j] - along * tangent))
             y[12:15] -= jumps[j]
