@@ -148,8 +148,8 @@ class CoupledTangent:
 
     @property
     def _straight(self) -> bool:
-        """Whether the piece before a loose end is straight, so that its end must yield."""
-        return bool(self.loose) and self.pieces[-1].inner.slack < STRAIGHT
+        """Whether the piece before a loose end is straight, so that its end must yield; but for stretch."""
+        return bool(self.loose) and not self.ends[-1].compliance[2] and self.pieces[-1].inner.slack < STRAIGHT
 
     def modes(self, count: int, places: Sequence[np.ndarray]) -> Modes:
         """The `count` lowest of all pieces together; see `coupled_modes`.

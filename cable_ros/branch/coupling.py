@@ -230,7 +230,7 @@ def residual_of(ends: Sequence[Ends], friction: np.ndarray, loose: Sequence[Loos
 
 
 def across_ring(before: Ends, after: Ends, slip: float = 1.0) -> tuple[float, np.ndarray, np.ndarray]:
-    """Force of a ring across the cable times its stretch and `slip`, N, and derivatives by the pieces' forces.
+    """Force of a ring across the cable times its stretch and `slip`, N, and its derivatives.
 
     By at most mu times this the configurational forces differ: with the mean v of both sides they differ by
     v.P, P the ring's force, so that v is the direction in which the cable slides, and P is |v x P| / |v|

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the loose ends of a cable among obstacles may be at first: as it hangs or stands without them."""
+"""Where loose ends that the pieces' supports solve may be at first: as it hangs or stands without obstacles.
+
+A cable that strains begins where one that does not would be.
+"""
 
 from __future__ import annotations
 
@@ -58,9 +61,12 @@ def plausible(
     for found, points, frames in shapes:
         poses = np.concatenate([points, frames], axis=1)
         clear = rows is None or min(nearest(rows, point)[0] for point in points[1:]) > 0.0
-        if clear:
+        if clear and not piece.strains:
             yield Begin(poses[[0, -1]], found)
-        if float(np.linalg.norm(points[-1] - points[0])) > (1.0 - LEAST_SLACK) * run.length:
+        if (
+            not piece.stretches
+            and float(np.linalg.norm(points[-1] - points[0])) > (1.0 - LEAST_SLACK) * run.length
+        ):
             continue  # its tension would have no bound
         if free is None or rows is None or nearest(rows, points[-free])[0] >= 0.0:
             yield Begin(poses[[0, -1]])

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A piece of a cable whose ends are not clamps, among obstacles; `loose_ends` solves where its ends are.
+"""A piece of a cable whose ends are not clamps, among obstacles or if it strains; `loose_ends` solves where
+its ends are.
 
 A free end that is held where it is tried would ask a cable that hangs straight for unbounded tension. So a
 spring holds it, which pulls with the force that the end had: along the directions of `Tip.yields` the end
@@ -26,11 +27,12 @@ from cable_ros.contact.response import HELD
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.effects.effect import Properties
 from cable_ros.rod import quaternion, warm_step
+from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.kirchhoff import NOTHING, Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.units import relative
 from cable_ros.scene import Cable, Kinematics
-from cable_ros.scene.model import CLAMPED, Mount
+from cable_ros.scene.model import CLAMPED, FREE, SLIDING, Mount
 
 ROUGHLY = 1e-2
 """Tolerance of an equilibrium without obstacles, beside which one is searched for."""
@@ -52,16 +54,27 @@ class LoosePiece(SharedPiece):
     ) -> None:  # fmt: skip
         start, end = (replace(mount, kind=CLAMPED, turns=False) for mount in cable.mounts)
         held = replace(cable, start=start, end=end)
+        self._follows = any(mount.kind in (FREE, SLIDING) for mount in cable.mounts)
         super().__init__(held, properties, tolerance, polyline_points, obstacle_names)
         load = sum(float(np.linalg.norm(mount.force)) for mount in cable.mounts) / self._units.force
         bend = sum(float(np.linalg.norm(mount.moment)) for mount in cable.mounts) / self._units.moment
         self._given = load + bend
 
+    @property
+    def _reach(self) -> float:
+        """As of any piece; a given force stretches a cable as far as it goes."""
+        return np.inf if self.stretches and self._follows else super()._reach
+
+    @property
+    def strains(self) -> bool:
+        """Whether it stretches or shears."""
+        return self._compliance is not None
+
     def without_obstacles(
         self, mounts: tuple[Mount, Mount], poses: np.ndarray
     ) -> list[tuple[Found, np.ndarray, np.ndarray]]:
-        """Its equilibria between `mounts` at `poses` (2, 7) if there were no obstacles, by rising energy, and
-        their points (n, 3), m, and frames (n, 4), world.
+        """Its equilibria between `mounts` at `poses` (2, 7) if there were no obstacles and no strain, by
+        rising energy, and their points (n, 3), m, and frames (n, 4), world.
         """
         ends, unit = ends_of(*mounts, self._units), self._units
         there = Conditions(*relative(poses, IDENTITY, self._weight, unit.length, unit.force))
@@ -119,20 +132,21 @@ class LoosePiece(SharedPiece):
 
     def _let_yield(self, rod: Rod, place: Place) -> None:
         """Let the rod's end yield as it may there, or hold it."""
-        self.astray = NOTHING
+        self.astray, compliance = NOTHING, HELD
+        if place.yields is not None:
+            turn = quaternion.matrix_from_ros(place.poses[0, 3:])
+            yields = turn.T @ place.yields @ turn
+            compliance = YIELD / max(self._load, 1.0) * yields
+            if self.rubs and place.pull is not None:
+                compliance = LOOSELY * yields
+                self._F = self._F + yields @ (place.pull @ turn / self._units.force - self._F)
         if isinstance(rod, ActiveSetRod):
-            compliance = HELD
-            if place.yields is not None:
-                turn = quaternion.matrix_from_ros(place.poses[0, 3:])
-                yields = turn.T @ place.yields @ turn
-                compliance = YIELD / max(self._load, 1.0) * yields
-                if self.rubs and place.pull is not None:
-                    compliance = LOOSELY * yields
-                    self._F = self._F + yields @ (place.pull @ turn / self._units.force - self._F)
             bare = rod.bare
             rod.yield_at_end(compliance)
             if rod.bare and not bare:
                 rod.refactor(self._q, self._F)  # its factors are those of an end that yields
+        elif isinstance(rod, StretchingRod) and rod.yield_at_end(compliance):
+            rod.refactor(self._q, self._F)
 
     def _arrived(self, rod: Rod, place: Place) -> None:
         """Tell how far the end is from where it was tried, and hold it from here on where it is."""

@@ -18,6 +18,7 @@ from cable_ros.equilibrium import ContactTable, Equilibrium, Modes, Status
 from cable_ros.linalg.cross import cross_matrix
 from cable_ros.rod import output, quaternion
 from cable_ros.rod.elements import Mesh, equally_spaced, integrals, sampling
+from cable_ros.rod.extensible import StretchingRod
 from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units
@@ -146,7 +147,7 @@ class Tangent:
         copy = self._snapshot()
         copy.compliance = self._compliance
         copy.set_conditions(*self._conditions)
-        if held and isinstance(copy, FixedSetRod):
+        if held and isinstance(copy, FixedSetRod | StretchingRod):
             copy.yield_at_end(HELD)
         return copy
 

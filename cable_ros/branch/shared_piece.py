@@ -173,7 +173,7 @@ class SharedPiece(CableTracker):
         return self._units.length
 
     @property
-    def _stretches(self) -> bool:
+    def stretches(self) -> bool:
         """Whether it lengthens under tension: it may be straight, and longer than unloaded."""
         return self._compliance is not None and bool(self._compliance[2])
 
@@ -284,7 +284,7 @@ class SharedPiece(CableTracker):
         then = self._lengthen(rod, place)
         qe, re, f, obstacles, far, _ = self._destination(kinematics, joints, place.poses, rod)
         self._let_yield(rod, place)
-        holds = rod.chord(qe, re) < self._reach and (self._stretches or self.slack > STRAIGHT)
+        holds = rod.chord(qe, re) < self._reach and (self.stretches or self.slack > STRAIGHT)
         if far <= rod.longest_step and (place.yields is not None or holds):
             rod.work, rod.patience, rod.short = self._full_budget, 0, False
             rod.trial = rod.tentative = self.rubs

@@ -117,8 +117,12 @@ class StretchingTouchingRod(StrainingTouchingRod):
         traced(self.shape(q), forces, self.contacts, self.count, self.obstacles, self.strain)
 
     def sunk(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray) -> bool:
-        self.trace(q, F)  # what reads the centreline later needs this force
-        return super().sunk(q, F, obstacles)
+        # what reads centreline and normals later needs this force, and the obstacles where they are then
+        before, self.obstacles = self.obstacles, obstacles
+        self.trace(q, F)
+        out = super().sunk(q, F, obstacles)
+        self.obstacles = before
+        return out
 
     def _centreline(self, q: np.ndarray) -> Callable[[], np.ndarray]:
         self.trace(q)

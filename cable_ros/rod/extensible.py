@@ -31,6 +31,8 @@ SHORT = 0.7
 """Minimum length of a compressed cable, L."""
 SHORTEST = 1e-3
 """Minimum step of a continuation, fraction of the path."""
+SAME_COMPLIANCE = 0.01
+"""Maximum change of the end's compliance, relative, with which factors still serve."""
 
 
 class StretchingRod(Rod):
@@ -46,6 +48,8 @@ class StretchingRod(Rod):
     ) -> None:
         self.compliance = np.ascontiguousarray(compliance, float)
         self.stretch, self.reach = np.zeros(4), np.zeros((3, 3))
+        self.give_at_end = np.zeros((3, 3))
+        """(3, 3) see `yield_at_end`."""
         self.least = least_force(self.compliance)
         super().__init__(mesh, stiffness, natural)
 
@@ -63,6 +67,7 @@ class StretchingRod(Rod):
             self.compliance * scale,
         )
         new.set_conditions(self.qe, self.re, self.f / scale)
+        new.give_at_end = self.give_at_end * scale
         return new
 
     @property
@@ -70,10 +75,20 @@ class StretchingRod(Rod):
         """`rod_state.Stretch`."""
         return self.compliance, self.reach, self.stretch
 
+    def yield_at_end(self, compliance: np.ndarray) -> bool:
+        """Let the end give way (3, 3), L^3 / EI, to changes of its force since the last equilibrium.
+
+        Whether its factors are others now.
+        """
+        other = float(np.abs(compliance - self.give_at_end).max())
+        self.give_at_end = compliance
+        return other > SAME_COMPLIANCE * float(np.abs(compliance).max())
+
     def linearize(self, x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         entry_points.stretch_linearize(
             x, y, self.f, self.section, self.stretching, self.grid, self.saddle, True
         )
+        self.reach += self.give_at_end
         g = self.g.ravel().copy()
         g[:3] = g[-3:] = 0.0
         return float(self.totals[ENERGY]), self.totals[:ENERGY] - self.re, g
@@ -88,8 +103,8 @@ class StretchingRod(Rod):
     ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
         q_new, F_new = np.empty_like(q), np.empty(3)
         code, iterations, self.rotation_before, fresh = advance_stretching(
-            q, F, (qe, re, f), self.section, self.stretching, self.grid, self.saddle,
-            (tolerance, limit, self.rotation, self.refactor_at), q_new, F_new,
+            q, F, (qe, re, f), self.section, self.stretching, self.give_at_end,
+            self.grid, self.saddle, (tolerance, limit, self.rotation, self.refactor_at), q_new, F_new,
         )  # fmt: skip
         self.rotation = 0.0 if fresh else self.rotation_before
         if code == warm_step.ADVANCED:

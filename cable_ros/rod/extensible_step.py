@@ -76,7 +76,7 @@ def stretch_factor(system, reach, mu, order):
 
 
 @njit(**OPTIONS)
-def advance_stretching(q, F, conditions, section, stretch, grid, system, control, q_new, F_new):
+def advance_stretching(q, F, conditions, section, stretch, give, grid, system, control, q_new, F_new):
     """As `warm_step.advance`; the end force's relative change ages the factors as a section's turn does.
 
     The shape of a taut cable hardly shows how it answers to its force. There is no extrapolation.
@@ -86,6 +86,7 @@ def advance_stretching(q, F, conditions, section, stretch, grid, system, control
         conditions: fields of `Conditions`, as a plain tuple, see `entry_points`; so are the next ones.
         section, grid: of `Section` and `Grid`.
         stretch: of `Stretch`, overwritten but for the compliance.
+        give: (3, 3) how far the end gives way to changes of the end force; zeros: it is held.
         system: of `System`, overwritten.
         control: of `StepControl`.
     """
@@ -112,11 +113,16 @@ def advance_stretching(q, F, conditions, section, stretch, grid, system, control
         if iteration > 1 and size * rate <= tolerance:
             return ADVANCED, iteration - 1, rotation, fresh
         if renew:
+            for a in range(3):
+                for b in range(3):
+                    stretch.reach[a, b] += give[a, b]
             if not stretch_factor(system, stretch.reach, 0.0, order):
                 return NOT_CONVEX, iteration, rotation, fresh
             fresh = True
         for a in range(3):
             c[a] = totals[a] - re[a]
+            for b in range(3):
+                c[a] += give[a, b] * (F_new[b] - F[b])
         if iteration == 0:
             end_coupling(tangents, C, 3, theta, gv, c)
         saddle_step(gv, c, C, order, factors, s, dF)

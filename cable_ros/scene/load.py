@@ -163,8 +163,8 @@ def _check_strain_with_contact(
     top: Section, cables: list[Cable], obstacles: Sequence[Obstacle], friction_model: str,
     effects: str | tuple[str, ...],
 ) -> None:  # fmt: skip
-    """Friction by the end's motion knows no strain; next to pins and the like friction knows none, and contact
-    knows no shear.
+    """Friction by the end's motion knows no strain. Between other things than clamps no friction of obstacles
+    knows it, and contact knows no shear.
     """
 
     def both(*names: str) -> bool:
