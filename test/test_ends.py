@@ -359,7 +359,6 @@ MISTAKES = {
     "end.kind": ({"kind": "free"}, END | {"kind": "sliding"}, {}, "nothing holds the cable in place"),
     "start.moment": (WOUND, END | {"kind": "swivel"}, {}, "nothing but a clamp takes up a moment"),
     "total_twist": (ALONG_X, END | {"kind": "swivel"}, {"total_twist": 1.0}, "untwists itself"),
-    "axial_stiffness": (ALONG_X, END | {"kind": "pinned"}, {"axial_stiffness": 300.0}, "two clamps only"),
     "start.axial_force": (ALONG_X | {"axial_force": 1.0}, END, {}, "is for a sliding end"),
 }
 

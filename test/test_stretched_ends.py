@@ -296,15 +296,14 @@ def test_a_cable_follows_its_temperature(name):
     table = {"value": 0.0, "table": [[-100.0, 4.0, 3.0], [0.0, 1.0, 1.0], [100.0, 0.8, 0.5]]}
     followed = Tracker(soft(name, temperature=table), tolerance=1e-8)
     followed.arrive({})
-    for value in (-20.0, 20.0):
-        for part in np.linspace(0.1, 1.0, 10):  # a large change at once may be told as a snap-through
-            followed.set_environment({"temperature": part * value})
-            found = followed.arrive({})["c"]
-            assert found.status is Status.CONVERGED, found.message
-        cold = solved(soft(name, temperature=table | {"value": value}))
-        np.testing.assert_allclose(
-            wrenches(found), wrenches(cold), atol=1e-6 * (1.0 + np.abs(wrenches(cold)).max())
-        )
+    for value in np.linspace(2.0, -20.0, 12):  # a large change at once may be told as a snap-through
+        followed.set_environment({"temperature": value})
+        found = followed.arrive({})["c"]
+        assert found.status is Status.CONVERGED, found.message
+    cold = solved(soft(name, temperature=table | {"value": -20.0}))
+    np.testing.assert_allclose(
+        wrenches(found), wrenches(cold), atol=1e-6 * (1.0 + np.abs(wrenches(cold)).max())
+    )
 
 
 def test_frequencies_of_a_bar_that_vibrates_along_itself():

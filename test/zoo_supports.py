@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 from test_ends import END, START, mapping
-from test_supports import FREE, TILT, axis, support
+from test_supports import FREE, SOFT, TILT, axis, support
 
 from cable_ros import Tracker
 from cable_ros.equilibrium import Equilibrium, Status
@@ -104,19 +104,22 @@ def frame(mount: dict[str, Any]) -> Rotation:
 
 def held(
     name: str, where: list[tuple[str, int, list[float]]], to: list[float], weight: float = 30.0,
-    on_cart: tuple[str, ...] = ("end",), shot: float = 1.0,
+    on_cart: tuple[str, ...] = ("end",), shot: float = 1.0, **fields: Any,
 ) -> Case:  # fmt: skip
-    """A case of supports s0, s1.. at percents of the plain cable, moved by a shift, and what moves."""
+    """A case of supports s0, s1.. at percents of the plain cable, moved by a shift, and what moves; `fields`
+    of the cable.
+    """
     supports = []
     for i, (kind, k, shift) in enumerate(where):
-        fields = axis(kind, k, TILT) | ({"link": "cart"} if f"s{i}" in on_cart else {})
-        supports.append(support(kind, f"s{i}", k / 100, FREE.points[k] + shift, **fields))
+        placed = axis(kind, k, TILT) | ({"link": "cart"} if f"s{i}" in on_cart else {})
+        supports.append(support(kind, f"s{i}", k / 100, FREE.points[k] + shift, **placed))
     end = END | ({"link": "cart"} if "end" in on_cart else {})
-    return Case(name, mapping(START, end, weight=weight, supports=supports), np.array(to), shot)
+    return Case(name, mapping(START, end, weight=weight, supports=supports, **fields), np.array(to), shot)
 
 
 CLOSE = [0.0012, -0.0012, 0.0008]
 SIDE, OTHER = [0.01, -0.015, 0.02], [-0.01, 0.02, 0.01]
+LONGER = {"axial_stiffness": 400.0}
 THREE = [("pin", 20, CLOSE), ("ring", 50, OTHER), ("tube", 75, SIDE)]
 CASES = (
     held("a ring near a clamp", [("ring", 3, CLOSE)], [0.1, -0.15, 0.1]),
@@ -131,4 +134,18 @@ CASES = (
     held("a ring, no weight", [("ring", 35, SIDE)], [0.1, -0.1, 0.05], 0.0),
     held("a tube, no weight", [("tube", 35, SIDE)], [0.1, -0.1, 0.05], 0.0),
     held("a pin, a ring and a tube, no weight", THREE, [0.03, -0.06, 0.05], 0.0),
+    held("a ring, slack and then longer than unloaded", [("ring", 35, SIDE)], [0.2, 0.15, 0.03], **LONGER),
+    held("a tube, slack and then longer than unloaded", [("tube", 35, SIDE)], [0.2, 0.15, 0.0], **LONGER),
+    held("a pin beside which a piece gets longer", [("pin", 40, SIDE)], [0.15, 0.1, 0.0], **LONGER),
+    held("a ring, hardly stretching", [("ring", 35, SIDE)], [0.138, 0.09, 0.021], shot=0.8,
+         axial_stiffness=1e6),
+    held("a stretching ring that slides far", [("ring", 30, SIDE)], [0.14, 0.07, -0.014], on_cart=("s0",),
+         **SOFT),
+    held("a stretching tube that slides far", [("tube", 30, SIDE)], [0.15, 0.08, 0.0], on_cart=("s0",),
+         **SOFT),
+    held("a pin, a ring and a tube, stretching", THREE, [0.03, -0.06, 0.05], **SOFT),
+    held("a ring near a clamp, stretching", [("ring", 3, CLOSE)], [0.1, -0.15, 0.1], **SOFT),
+    held("a stretching ring, no weight", [("ring", 35, SIDE)], [0.1, -0.1, 0.05], 0.0, **SOFT),
+    held("a stretching piece buckles between pins", [("pin", 30, SIDE), ("pin", 60, SIDE)],
+         [-0.12, -0.1, 0.0], 1.0, on_cart=("s1", "end"), **SOFT),
 )  # fmt: skip
