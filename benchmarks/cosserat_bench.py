@@ -79,29 +79,6 @@ def solved(gravity: Any, one: dict[str, Any], points: int, tolerance: float = TO
     return found
 
 
-def released(gravity: Any, one: dict[str, Any], points: int) -> Equilibrium:
-    """The equilibrium whose ends carry no moment: pins, which do not go with stretch, by turning clamps.
-
-    Newton's method on the bending moments, with the clamps' exact stiffness. A round rod's torsion is zero.
-    """
-    about = [3, 4, 9, 10]
-    first = None
-    for _ in range(MOST_TURNS):
-        found = solved(gravity, one, points, 1e-8)
-        moments = np.concatenate([found.start_wrench, found.end_wrench])[about]
-        first = np.abs(moments).max() if first is None else first
-        if np.abs(moments).max() < FREE_MOMENT * first:
-            return found
-        turns = np.linalg.solve(found.clamp_stiffness[np.ix_(about, about)], -moments)
-        for end, (x, y) in zip(("start", "end"), turns.reshape(2, 2), strict=True):
-            size = max(1.0, float(np.hypot(x, y)) / 0.5)
-            frame = Rotation.from_quat(one[end]["orientation"]) * Rotation.from_rotvec(
-                [x / size, y / size, 0.0]
-            )
-            one = one | {end: one[end] | {"orientation": frame.as_quat().tolist()}}
-    raise RuntimeError("The ends still carry a moment.")
-
-
 class Statics:
     """A cosseratbench solver that goes to the end at once: every frame is the equilibrium."""
 
@@ -120,7 +97,7 @@ class Statics:
             return trajectory(scenario, crossed(scenario, 2 * n_elements + 1), n_frames)
         rod = scenario.rods[0]
         if scenario.obstacles or rod.start_motion or rod.end_motion:
-            raise NotImplementedError("free ends with contact, ends that move")
+            raise NotImplementedError("two free ends, ends that move")
         nodes, normal = rod.nodes(4 * n_elements), rod.directors(4 * n_elements)
         start = clamp(nodes[0], nodes[1] - nodes[0], normal[0])
         end = clamp(nodes[-1], nodes[-1] - nodes[-2], normal[-1])
@@ -130,8 +107,9 @@ class Statics:
             free = {"kind": "free", "force": [float(v) for v in force]}
             found = solved(scenario.gravity, cable(rod) | {"start": start, "end": free}, points)
         elif ends == (EndCondition.PINNED, EndCondition.PINNED):
+            pins = {"start": start | {"kind": "pinned"}, "end": end | {"kind": "pinned"}}
             stretch = {"axial_stiffness": rod.material.youngs_modulus * rod.area}
-            found = released(scenario.gravity, cable(rod) | stretch | {"start": start, "end": end}, points)
+            found = solved(scenario.gravity, cable(rod) | stretch | pins, points)
         else:
             raise NotImplementedError("a cantilever, or pins at both ends")
         return trajectory(scenario, [found], n_frames)
@@ -150,7 +128,7 @@ def trajectory(scenario: Scenario, found: list[Equilibrium], n_frames: int) -> T
 def crossed(scenario: Scenario, points: int) -> list[Equilibrium]:
     """Two ropes between pins: each pin is a joint, whose torque is zero; the second rope comes from above.
 
-    Pins do not go with contact, so Newton's method turns the joints by their torques' exact derivative.
+    Pins do not go with contact of cables, so Newton's method turns the joints by their torques' exact derivative.
     """
     links, joints, cables = ['<link name="world"/>'], [], []
 
