@@ -378,6 +378,20 @@ def test_there_and_back_it_is_as_before_in_any_number_of_steps(name):
         np.testing.assert_allclose(one, ends[0], atol=1e-6 * size)
 
 
+def test_an_obstacle_that_moves_under_a_stretching_cable_is_felt_where_it_is():
+    """Between clamps, in warm steps as found cold: normals once were those from before the step."""
+    scene = among(copy.deepcopy(START), copy.deepcopy(END), **LONGER)
+    scene["obstacles"] = copy.deepcopy(pushed("swivel", **LONGER)["obstacles"])
+    scene["obstacles"][0]["link"] = "cart"
+    warm = Tracker(load_scene(scene, urdf=cart()), tolerance=1e-8)
+    for x in (0.0, 1e-4, 2e-3):
+        joints = dict.fromkeys(NAMES, 0.0) | {"x": x}
+        found = warm.arrive(joints)["c"]
+        cold = Tracker(load_scene(scene, urdf=cart()), tolerance=1e-8).arrive(joints)["c"]
+        np.testing.assert_allclose(wrenches(found), wrenches(cold), atol=1e-7 * np.abs(wrenches(cold)).max())
+        np.testing.assert_allclose(found.contacts[0].force, cold.contacts[0].force, atol=1e-6)
+
+
 MISTAKES = {
     "stretch among rough obstacles": ({"axial_stiffness": 200.0}, 0.3),
     "shear among obstacles": ({"shear_stiffness": [60.0, 90.0]}, 0.0),

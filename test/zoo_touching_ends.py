@@ -15,18 +15,20 @@ ABOVE = LEVEL | {"position": [0.4, 0.0, 0.2]}
 DOWN = {"position": [0.0, 0.0, 0.2], "rpy": [0.0, np.pi / 2 + 0.6, 0.0]}
 ASIDE = {"position": [0.0, 0.0, 0.2], "rpy": [0.1, np.pi / 2 + 0.3, 0.2]}
 CART = {"link": "cart"}
+LONGER = {"axial_stiffness": 500.0}
 BALL = {"name": "ball", "sphere": {"center": [0.3, 0.02, 0.6], "radius": 0.1}}
 BELOW = {"name": "ball", "sphere": {"center": [0.03, 0.0, 0.0], "radius": 0.1}}
 TABLE = {"name": "table", "box": {"center": [0.9, 0.0, -0.1], "size": [0.6, 1.0, 0.4]}}
 WALL = {"name": "wall", "plane": {"point": [1.05, 0.0, 0.0], "normal": [-1.0, 0.0, 0.0]}}
 
 
-def passed(name: str) -> Case:
-    """A ball goes along the cable of `test_ends.PAIRS`, under it."""
-    scene = pushed(name)
+def passed(name: str, **fields: Any) -> Case:
+    """A ball goes along the cable of `test_ends.PAIRS`, under it; `fields` of the cable."""
+    scene = pushed(name, **fields)
     (ball,) = scene["obstacles"]
     ball |= CART
-    return Case(f"{name}: a ball moves under it", scene, np.array([0.04, 0.03, 0.02]))
+    stretches = ", stretching" * bool(fields)
+    return Case(f"{name}: a ball moves under it{stretches}", scene, np.array([0.04, 0.03, 0.02]))
 
 
 def led(name: str, start: dict[str, Any], obstacle: dict[str, Any], to: list[float], **fields: Any) -> Case:
@@ -64,4 +66,13 @@ CASES = (
     Case("free start: comes down aside", among(FREE, ASIDE | CART, GROUND, weight=30.0),
          np.array([0.0, 0.0, -0.15])),
     *(passed(name) for name in PAIRS if "moment" not in name),
+    *(passed(name, **LONGER) for name in ("pinned", "swivel start", "sliding", "free start")),
+    led("free: stretches, comes down in its plane, rests, lies", LEVEL, GROUND, [0.0, 0.0, -0.15], **LONGER),
+    led("free: stretches, hangs all but straight, lowered to the ground", hangs(1e-3), GROUND,
+        [0.0, 0.0, -0.4], weight=5.0, **LONGER),
+    led("free: stretches, drawn across the ground", DOWN, GROUND, [0.0, 0.4, 0.0], **LONGER),
+    led("free: stretches, pushed over the edge of a table", LEVEL, TABLE, [0.2, 0.0, 0.0], weight=10.0,
+        **LONGER),
+    led("free: stretches, hangs straight, led against a ball", hangs(0.0), BALL, [0.4, 0.0, 0.0], weight=5.0,
+        **LONGER),
 )  # fmt: skip
