@@ -128,7 +128,7 @@ def trajectory(scenario: Scenario, found: list[Equilibrium], n_frames: int) -> T
 def crossed(scenario: Scenario, points: int) -> list[Equilibrium]:
     """Two ropes between pins: each pin is a joint, whose torque is zero; the second rope comes from above.
 
-    Pins do not go with contact of cables, so Newton's method turns the joints by their torques' exact derivative.
+    Pins do not go with cables that touch: Newton's method turns the joints by their exact stiffness.
     """
     links, joints, cables = ['<link name="world"/>'], [], []
 
