@@ -392,6 +392,14 @@ def test_an_obstacle_that_moves_under_a_stretching_cable_is_felt_where_it_is():
         np.testing.assert_allclose(found.contacts[0].force, cold.contacts[0].force, atol=1e-6)
 
 
+def test_lowered_to_the_ground_in_one_step_it_comes_to_stand_there():
+    """A step that had been found unstable once left the end told to touch the ground above which it hung."""
+    start = {"position": [0.0, 0.0, 1.2], "rpy": [np.pi - 1e-3, 0.0, 0.0]}
+    scene = among(start, {"kind": "free"}, GROUND, weight=5.0, axial_stiffness=500.0)
+    *_, last = led(scene, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.15], [0.0, 0.0, -0.2]]), 1e-6)
+    assert [round(one.arc_length, 9) for one in last.contacts] == [1.0]
+
+
 MISTAKES = {
     "stretch among rough obstacles": ({"axial_stiffness": 200.0}, 0.3),
     "shear among obstacles": ({"shear_stiffness": [60.0, 90.0]}, 0.0),
