@@ -148,6 +148,12 @@ class LoosePiece(SharedPiece):
         elif isinstance(rod, StretchingRod) and rod.yield_at_end(compliance):
             rod.refactor(self._q, self._F)
 
+    def resolve(self) -> bool:
+        rod = self._rod
+        if isinstance(rod, StretchingRod) and not isinstance(rod, ActiveSetRod):
+            rod.yield_at_end(HELD)  # on another mesh its end is where it was
+        return super().resolve()
+
     def _arrived(self, rod: Rod, place: Place) -> None:
         """Tell how far the end is from where it was tried, and hold it from here on where it is."""
         if place.yields is None:
