@@ -208,7 +208,7 @@ def test_what_makes_no_sense_is_one_sentence_with_its_field(field):
 
 def test_the_example_of_the_page_is_held_by_its_clip():
     page = Path(__file__).parents[1] / "docs" / "ends.md"
-    _, example, _ = [block.text for block in blocks(page) if block.language == "yaml"]
+    *_, example, _ = [block.text for block in blocks(page) if block.language == "yaml"]
     scene = parse_yaml(example, str(page))
     found = Tracker(scene).arrive({})["dress_pack"]
     assert found.status is Status.CONVERGED, found.message

@@ -5,20 +5,24 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import pairwise
+from pathlib import Path as File
 from typing import Any
 
 import numpy as np
 import pytest
+from pages import blocks
 from references.coulomb_rod import Led, Obstacle, Path, lead
 from scipy.spatial.transform import Rotation
 from test_touching_ends import FREE, GROUND, among, wrenches
 from zoo_supports import Case
 
+from cable_ros import Tracker
 from cable_ros.branch.grip import friction_force, landed
 from cable_ros.contact.distance import BOX, WIDTH
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.joint import joint_load
 from cable_ros.scene import SceneError, load_scene
+from cable_ros.scene.text import parse_yaml
 
 STEEP = {"position": [0.0, 0.0, 0.5], "rpy": [0.0, np.pi / 2 + 0.5, 0.0]}
 DOWN = {"position": [0.0, 0.0, 0.2], "rpy": [0.0, np.pi / 2 + 0.6, 0.0]}
@@ -219,3 +223,14 @@ def test_a_free_start_on_something_rough_is_refused_in_one_sentence():
 
 def test_no_pose_is_told_of_another_branch():
     assert all(one.status is Status.CONVERGED for name in PATHS for one in ours(name))
+
+
+def test_the_tether_of_the_page_drags_on_the_ground():
+    page = File(__file__).parents[1] / "docs" / "ends.md"
+    _, example, *_ = [block.text for block in blocks(page) if block.language == "yaml"]
+    found = Tracker(parse_yaml(example, str(page))).arrive({})["tether"]
+    assert found.status is Status.CONVERGED, found.message
+    held = found.obstacle_wrenches["ground"][:3]
+    assert held[2] < 0.0  # the ground carries a part of it
+    up = Rotation.from_quat(found.wrench_axes[0]).apply(found.start_wrench[:3])
+    np.testing.assert_allclose(up + held, [0.0, 0.0, -0.06 * 9.81], atol=1e-4)
