@@ -316,9 +316,8 @@ def test_the_tangent_is_the_derivative_and_the_wrench_that_of_the_energy(name):
         np.testing.assert_allclose(work[held], wrench[held], atol=1e-6 * np.abs(wrench).max())
 
 
-@pytest.mark.parametrize("name", ["pinned", "swivel start", "sliding", "free, with a moment", "free start"])
-def test_the_error_estimate_bounds_the_error(name):
-    scene = mapping(*PAIRS[name], weight=60.0)
+def its_error_is_bounded(scene: dict[str, Any]) -> None:
+    """Hold the wrenches of its cable, and their estimated error, to those at a tolerance of 1e-10."""
     exact = solved(scene, 1e-10)
     for tolerance in (1e-3, 1e-5, 1e-7):
         found = solved(scene, tolerance)
@@ -328,6 +327,11 @@ def test_the_error_estimate_bounds_the_error(name):
             for part in (slice(0, 3), slice(3, 6)):
                 size = max(np.linalg.norm(theirs[part]), 1.0)
                 assert np.linalg.norm(mine[part] - theirs[part]) <= 3.0 * tolerance * size
+
+
+@pytest.mark.parametrize("name", ["pinned", "swivel start", "sliding", "free, with a moment", "free start"])
+def test_the_error_estimate_bounds_the_error(name):
+    its_error_is_bounded(mapping(*PAIRS[name], weight=60.0))
 
 
 @pytest.mark.parametrize("name", ["pinned", "swivel", "sliding", "free", "free start"])

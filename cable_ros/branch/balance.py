@@ -84,7 +84,7 @@ class Balance(CoupledRun):
         for tip, loose in zip(found.tips, self._loose(mounts, found), strict=True):
             if tip.face is not None and tip.face.lies:
                 piece = self.pieces[-tip.which]
-                normal = loose.push(piece.ends().wrenches[6 * tip.which :][:6])[ALONG]
+                normal = loose.push(piece.ends().wrench(tip.which))[ALONG]
                 if piece.friction_of(tip.face.obstacle) * normal > SPARED * largest:
                     return True
         return False
@@ -93,7 +93,7 @@ class Balance(CoupledRun):
         """Whether free ends stick that slipped, or slip that stuck."""
         slips, before = [], self._slips
         for tip, loose in zip(found.tips, self._loose(mounts, found), strict=True):
-            push = loose.push(self.pieces[-tip.which].ends().wrenches[6 * tip.which :][:6])[3:]
+            push = loose.push(self.pieces[-tip.which].ends().wrench(tip.which))[3:]
             grip = None if tip.face is None else tip.face.grip
             slips.append(grip is not None and grip.slips_on(tip.position, push))
         self._slips = slips
@@ -308,7 +308,7 @@ class Balance(CoupledRun):
             return False
         before, unit = self._faces, self.pieces[0].unit
         self._touch([
-            let_go(tip, loose, self.pieces[-tip.which].ends().wrenches[6 * tip.which :][:6], unit)
+            let_go(tip, loose, self.pieces[-tip.which].ends().wrench(tip.which), unit)
             for tip, loose in zip(state.tips, self._loose(mounts, state), strict=True)
         ])  # fmt: skip
         return before != self._faces

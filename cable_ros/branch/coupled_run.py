@@ -247,7 +247,7 @@ class CoupledRun:
             pieces[-end.which].at_loose_end(end, tip)
         ends: tuple[Ends, ...] = tuple(piece.ends() for piece in self.pieces)
         loose = tuple(
-            one.slipping(ends[-one.which].wrenches[6 * one.which :][:6]) if slips else one
+            one.slipping(ends[-one.which].wrench(one.which)) if slips else one
             for one, slips in zip(self._loose(mounts, state), self._slips, strict=True)
         )
         return CoupledTangent(tuple(pieces), ends, self._push, self.free, loose, self.loose, state.tips)
@@ -372,7 +372,7 @@ class CoupledRun:
         for k, (tip, loose) in enumerate(zip(state.tips, self._loose(mounts, state), strict=True)):
             if not (self._slips[k] and tip.face is not None and tip.face.grip is not None):
                 continue
-            push = loose.push(self.pieces[-tip.which].ends().wrenches[6 * tip.which :][:6])[3:5]
+            push = loose.push(self.pieces[-tip.which].ends().wrench(tip.which))[3:5]
             way = max(float(np.linalg.norm(tip.position - tip.face.grip.anchor)), PROBE * self.run.length)
             size = float(np.linalg.norm(push))
             if size > 0.0:

@@ -250,7 +250,7 @@ class CoupledTangent:
             name = self.pieces[-tip.which].inner.obstacle(tip.face.obstacle)
             if name in obstacles:
                 first = 12 * count + 6 * list(obstacles).index(name)
-                wrench = self.ends[-tip.which].wrenches[END if tip.which else START]
+                wrench = self.ends[-tip.which].wrench(tip.which)
                 at = 12 * tip.which * (count - 1) + 6 * tip.which
                 lengths = slice(PER * (count - 1) + LOOSE * k + 3, PER * (count - 1) + LOOSE * (k + 1))
                 out.append(Carried.of(end, tip, wrench, slice(at, at + 6), slice(first, first + 6), lengths))

@@ -78,6 +78,10 @@ class Ends(NamedTuple):
         _read_ends(wrenches, *section, curvatures, forces, strains)
         return cls(wrenches, curvatures, forces, strains, section.compliance)
 
+    def wrench(self, which: int) -> np.ndarray:
+        """(6,) what it exerts on what holds its start, 0, or its end, 1."""
+        return self.wrenches[END if which else START]
+
 
 @njit(**LEAF_ENTRY)
 def onto_mounts(mounts, sections, wrenches, out):  # type: ignore[no-untyped-def]
@@ -220,7 +224,7 @@ def residual_of(ends: Sequence[Ends], friction: np.ndarray, loose: Sequence[Loos
     out = np.empty(PER * len(friction) + LOOSE * len(loose))
     for i, end in enumerate(loose):
         at = PER * len(friction) + LOOSE * i
-        out[at : at + LOOSE] = end.residual(ends[-end.which].wrenches[END if end.which else START])
+        out[at : at + LOOSE] = end.residual(ends[-end.which].wrench(end.which))
     for j, slip in enumerate(friction.tolist()):
         before, after = ends[j], ends[j + 1]
         _at_support(before.wrenches, after.wrenches, before.forces, after.forces, slip, j, out)
@@ -300,7 +304,7 @@ def assemble(sides: Sequence[Side], friction: np.ndarray, loose: Sequence[Loose]
     tangent = by_wrenches @ spread[:size]
     for k, held in enumerate(loose):
         place = slice(PER * n + LOOSE * k, PER * n + LOOSE * (k + 1))
-        tangent[place, place] += held.turned(sides[-held.which].ends.wrenches[END if held.which else START])
+        tangent[place, place] += held.turned(sides[-held.which].ends.wrench(held.which))
     residual = residual_of([side.ends for side in sides], friction, loose)
     hessian = tangent.copy()
     for k, held in enumerate(loose):

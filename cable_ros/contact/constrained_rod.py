@@ -31,6 +31,7 @@ from cable_ros.contact.response import HELD, UNSTRAINED
 from cable_ros.rod import entry_points
 from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
+from cable_ros.rod.extensible import SAME_COMPLIANCE
 from cable_ros.rod.kirchhoff import NOTHING, Rod
 
 ROWS = 3 + 6 * CAPACITY
@@ -50,8 +51,6 @@ CREEP_SHORTENS = 0.4
 LONGEST_STAY = 31
 """Maximum number of steps that keep a mesh after another one failed."""
 
-SAME_COMPLIANCE = 0.01
-"""Maximum change of the end's compliance, relative, with which factors still serve."""
 NO_ROWS = np.zeros(0, int)
 UNSTRAINED_HELD = NOTHING, UNSTRAINED, np.zeros((0, 0)), np.zeros((0, 0)), HELD
 """`Strain` of a cable that keeps its length and is held at its end."""
