@@ -64,6 +64,9 @@ VERY_TAUT = 2e4
 """`TAUT` of a cable whose end the extrapolation tells to 1 % of its slack."""
 AS_GOOD_AS_TAUT = 1e6
 """End force, EI / L^2, at which a cable with friction that gets tauter is not followed any farther."""
+TAUTER, UNRESOLVED = 10.0, 0.1
+"""Growth of the end force that asks whether the mesh resolves how the cable bends, and the error that it must
+not have: a mesh that is too coarse has slack where the cable is taut."""
 NEARLY = 2.0
 """Such a cable may be taut before the end of the path if that is expected within this many rests of it."""
 
@@ -131,7 +134,8 @@ def continue_branch(
     at, iterations = 0.0, 0
     snaps: list[SnapThrough] = []
     margins: list[tuple[float, float]] = []  # fractions of the path and stability margins there
-    forces: list[tuple[float, float]] = [(at, _norm(F))]  # of the last two equilibria, and their end forces
+    first = _norm(F)
+    forces: list[tuple[float, float]] = [(at, first)]  # of the last two equilibria, and their end forces
     taut, in_a_row, falls = False, 0, 0
     given = last = rod.work  # at the start, and after the last step
     fork: float | None = None
@@ -170,6 +174,8 @@ def continue_branch(
             if rod.frictional and forces[1][1] > max(forces[0][1], AS_GOOD_AS_TAUT):
                 rod.refactor(q, F)
                 return ended(End.TAUT)
+            if at < 1.0 and _outgrows(rod, q, F, forces[1][1], first):
+                return ended(End.UNFINISHED)
             continue
         in_a_row = 0
         if code == warm_step.NOT_CONVEX and rod.frictional:
@@ -300,6 +306,13 @@ def _taut_at(forces: list[tuple[float, float]]) -> float:
     if force < TAUT or force <= force_before:
         return np.inf
     return at + (at - before) / (np.sqrt(force / force_before) - 1.0)
+
+
+def _outgrows(rod: Rod, q: np.ndarray, F: np.ndarray, force: float, first: float) -> bool:
+    """Whether a cable that touches is so much tauter than it was `first` that it needs another mesh."""
+    if rod.frictional or rod.on_grid or not rod.touches or force < max(VERY_TAUT, TAUTER * first):
+        return False
+    return rod.refactor(q, F) and rod.relative_error(q, F) > UNRESOLVED
 
 
 def _travel(rod: Rod, conditions: Conditions) -> float:

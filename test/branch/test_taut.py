@@ -110,6 +110,22 @@ def test_what_friction_holds_off_its_shortest_path_is_not_said_to_be_taut() -> N
     assert np.isnan(found[2].end_wrench).all()
 
 
+def test_it_is_taut_where_a_coarse_mesh_has_slack() -> None:
+    """Under a roller (drawn 153:10) the cable is drawn taut within a pose, its force up 800 times."""
+    case = drawn_case(153, 10, 1e-4, "rollers")
+    tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+    out = [tracker.arrive(joints)["cable"] for joints in case.path[:10]]
+    back = [tracker.arrive(joints)["cable"] for joints in case.path[8::-1]][::-1]
+    for there, here in zip(out[:8], back[:8], strict=True):
+        assert there.status is here.status is Status.CONVERGED
+        size = float(np.linalg.norm(there.end_wrench))
+        # each is within the tolerance
+        assert float(np.abs(there.end_wrench - here.end_wrench).max()) < 2e-4 * size
+    assert np.linalg.norm(out[7].end_wrench) > 100.0 * np.linalg.norm(out[6].end_wrench)
+    for found in (out[8], out[9], back[8]):
+        assert "is taut" in found.message
+
+
 def over(shape: float, axes: np.ndarray, up: float) -> bool:
     """Whether a string over a drum or a ball gets taut as it rises to `up`, m, past where a planar one is."""
     taut = float(brentq(lambda up: shortest(up) - LENGTH, 0.0, 0.4))
