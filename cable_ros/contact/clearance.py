@@ -37,16 +37,18 @@ def clearance(c, h, s0, obstacles, most):
     negative: inside.
     """
     best, at, which = np.inf, 0.0, 0
-    work, ends = np.empty((5, 3)), np.empty(COARSE + 1)
+    work, ends, spots = np.empty((5, 3)), np.empty(COARSE + 1), np.empty((COARSE + 1, 3))
     wide, step, known = 1.0 / COARSE, 1.0 / (COARSE * FINE), most
+    for i in range(COARSE + 1):
+        position(c, h, s0, i * wide, spots[i])
     for o in range(obstacles.shape[0]):
         for i in range(0, COARSE + 1, COARSE // 4):
-            most = min(most, distance(obstacles[o], c, h, s0, i * wide, work))
+            most = min(most, gap(obstacles[o], spots[i], work[1], work[2:4], work[4]))
     for o in range(obstacles.shape[0]):
         near, at_s = np.inf, 0.0
         i = 0
         while i <= COARSE:
-            value = distance(obstacles[o], c, h, s0, i * wide, work)
+            value = gap(obstacles[o], spots[i], work[1], work[2:4], work[4])
             ends[i] = value
             if value < near:
                 near, at_s = value, i * wide
