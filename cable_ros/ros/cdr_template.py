@@ -103,8 +103,8 @@ class Template:
         self._storage = np.zeros(8 + size, dtype=np.uint8)
         self._message = self._storage[4 : 4 + size]
         self._message[:] = np.frombuffer(HEADER + bytes(encoder.body), dtype=np.uint8)
-        self._words = self._storage[: len(self._storage) // 4 * 4].view(np.uint32)
-        self._stamp_words = np.asarray(encoder.stamps, dtype=np.intp)[:, None] // 4 + [[2, 3]]
+        self._words = self._storage[: len(self._storage) // 4 * 4].view(np.uint32).data
+        self._stamps = [2 + offset // 4 for offset in encoder.stamps]
 
     def view(self, path: str, columns: int, rows: int | None = None, dtype: Any = np.float64) -> np.ndarray:
         """Writable view of `columns` neighbouring numbers, or of such a row in each element of a sequence.
@@ -140,7 +140,9 @@ class Template:
     def stamp(self, seconds: int, nanoseconds: int) -> None:
         """Set every `builtin_interfaces/Time` of the message (not durations)."""
         # Seconds are signed on the wire; the mask keeps a negative one's two's complement.
-        self._words[self._stamp_words] = (seconds & 0xFFFFFFFF, nanoseconds)
+        seconds &= 0xFFFFFFFF
+        for at in self._stamps:  # mostly one: a tenth of the time of an array's
+            self._words[at], self._words[at + 1] = seconds, nanoseconds
 
     def to_bytes(self) -> bytes:
         """The message as it is now: what to publish and what to log."""
