@@ -312,7 +312,7 @@ class Starts:
         rod.work = np.inf
         if one is not None:
             self._keep(one)
-        stretches = rod.compliance.any()  # no descent from a path past obstacles then
+        stretches = rod.soft  # no descent from a path past obstacles then
         nothing = not self._shapes and not self.found and self._strings is None
         if nothing and not stretches and rod.obstacles is not None:
             # a taut cable may pass through soft obstacles, and be caught on the wrong side as they harden

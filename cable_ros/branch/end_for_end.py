@@ -23,7 +23,7 @@ just beyond a fork the mesh matters as much."""
 def end_for_end(one: Found, symmetry: Symmetry) -> Found | None:
     """The image of `one` by a reflection or half a turn that swaps its ends; None if it is no equilibrium."""
     rod, n = one.rod, symmetry.axis
-    even = rod.K[0] == rod.K[1] and not rod.natural.any() and not rod.compliance.any()
+    even = rod.K[0] == rod.K[1] and not rod.natural.any() and not rod.soft
     if not isinstance(rod, TouchingRod) or not (even and rod.count) or rod.frictional:
         return None
     if abs(float(n @ n) - 1.0) > SAME:

@@ -54,13 +54,13 @@ def extremes(
         limits: of the cable.
         obstacles: of the scene, whether or not contact is among the effects.
     """
-    compliance, c = rod.compliance, None
-    if compliance.any() and isinstance(rod, TouchingRod | NodalRod) and rod.touches:
+    c = None
+    if rod.soft and isinstance(rod, TouchingRod | NodalRod) and rod.touches:
         c = rod.centreline(q, F)
     loads = F, rod.g[-1].copy(), rod.f, *point_forces(rod, q)
     mesh = rod.h.copy(), rod.s0.copy(), rod.mesh.element.order
     law = rod.K, rod.natural.copy()
-    return Reading(q, mesh, law, compliance, loads, start, unit, limits, obstacles, c)
+    return Reading(q, mesh, law, rod.compliance, loads, start, unit, limits, obstacles, c)
 
 
 def point_forces(rod: Rod, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -76,7 +76,7 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray, always: bool = False) -> Nodal
     """
     if not isinstance(rod, TouchingRod) or rod.obstacles is None:
         return None
-    if rod.compliance.any() and not (rod.replaceable or always):
+    if rod.soft and not (rod.replaceable or always):
         return None
     points = rod.points[: rod.count]
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]

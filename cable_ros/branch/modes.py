@@ -121,7 +121,7 @@ def unknown(rod: Rod) -> bool:
     Where a cable that stretches rubs, what rolls along it creeps, to one side otherwise than back. A cable
     that shears touches with a kink, at no single point.
     """
-    if not (rod.compliance.any() and rod.touches):
+    if not (rod.soft and rod.touches):
         return False
     if isinstance(rod, TouchingRod) and not rod.compliance[:2].any():
         return rod.model == COULOMB and bool(rod.rough().any())
@@ -160,7 +160,7 @@ def _internal_forces(rod: Rod, F: np.ndarray) -> np.ndarray:
     points = rod.mesh.element.points
     if rod.touches and isinstance(rod, NodalRod):
         return np.repeat(rod.state.F[:, None], len(points), axis=1)
-    if rod.touches and rod.compliance.any() and isinstance(rod, TouchingRod):
+    if rod.touches and rod.soft and isinstance(rod, TouchingRod):
         return rod.strain[1]
     gauss = rod.s0[:, None] + rod.h[:, None] * points
     return np.asarray(F + (1.0 - gauss)[:, :, None] * rod.f)

@@ -55,11 +55,11 @@ def with_section(rod: Rod, section: Section, scale: float = 1.0) -> Rod:
     if isinstance(rod, NodalRod):
         compliance = _soft(section)
         new: Rod = rod.variant(None, section.stiffness, section.natural, scale, compliance)
-    elif isinstance(rod, TouchingRod) and (soft or rod.compliance.any()):
+    elif isinstance(rod, TouchingRod) and (soft or rod.soft):
         new = _touching(rod, section, scale)
     elif section.compliance is not None and soft:
         new = StretchingRod(rod.mesh, section.stiffness, section.natural, section.compliance)
-    elif rod.compliance.any():
+    elif rod.soft:
         new = Rod(rod.mesh, section.stiffness, section.natural)
     else:
         new = rod.variant(stiffness=section.stiffness, natural=section.natural, scale=scale)
@@ -100,7 +100,7 @@ def _follow(
     rod: Rod, q: np.ndarray, F: np.ndarray, target: Section, scale: float, tolerance: float
 ) -> tuple[Rod, np.ndarray, np.ndarray] | None:
     """`follow` on one kind of rod."""
-    soft = rod.compliance * scale if rod.compliance.any() else None
+    soft = rod.compliance * scale if rod.soft else None
     before = Section(rod.K / scale, rod.natural, rod.f / scale, soft)
     F = F / scale
     logarithm = float(np.abs(np.log(target.stiffness / before.stiffness)).max())

@@ -72,7 +72,7 @@ class Reader:
         end_wrench, start_wrench = np.empty(6), np.empty(6)
         points, orientations = np.empty((count, 3)), np.empty((count, 4))
         out, contact = (end_wrench, start_wrench, points, orientations), rod.contact_force()
-        if rod.adapts_mesh or self._slides or (rod.on_grid and rod.compliance.any()):
+        if rod.adapts_mesh or self._slides or (rod.on_grid and rod.soft):
             at = equally_spaced(count) if isinstance(where, int) else where
             table = (unit.force, unit.moment, unit.length), integrals(rod.mesh.element.order), at
             output.read_anywhere(q, (rod.h, rod.s0), start, F, rod.f, contact, rod.qe, rod.g, table, out)

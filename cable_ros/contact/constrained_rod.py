@@ -310,7 +310,7 @@ class ConstrainedRod(Rod):
 
     def _carried_rows(self) -> np.ndarray:
         """Numbers of the constraint rows by which a point that sticks and rolls takes its friction along."""
-        if self.model != COULOMB or self.compliance.any():
+        if self.model != COULOMB or self.soft:
             return NO_ROWS
         points = self.points[: self.count]
         rolls = (points[:, KIND] == POINT) & (points[:, STICK_ROW] > 0.0) & (points[:, SLOPE_ROW] > 0.0)

@@ -108,7 +108,8 @@ class FrictionalRod(FixedSetRod):
             self.followed = self.followed.after_step(distance, change)
 
     def path_error(self, F: np.ndarray) -> float:
-        return self.followed.error / max(float(np.linalg.norm(F)), 1e-3)
+        error = self.followed.error
+        return error / max(float(np.linalg.norm(F)), 1e-3) if error else 0.0
 
     def _set_bedding(self, distance: float) -> None:
         """Let what sticks along a patch yield in proportion to a short step, by its length, L.

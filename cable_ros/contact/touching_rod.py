@@ -125,7 +125,7 @@ class TouchingRod(ActiveSetRod):
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         obstacles: np.ndarray | None,
     ) -> tuple[np.ndarray, np.ndarray, int] | None:  # fmt: skip
-        if self.model != COULOMB or not self.count or self.compliance.any():
+        if self.model != COULOMB or not self.count or self.soft:
             return None
         assert obstacles is not None
         return flow(self, q, F, (qe, re, f, obstacles), self.passed_in_contact)
@@ -191,7 +191,7 @@ class TouchingRod(ActiveSetRod):
         What was left to the nearest one when that was computed last is used up by motions.
         """
         known, self.room = self.room, None
-        if known is None or known.left <= 0.0 or self.compliance.any():
+        if known is None or known.left <= 0.0 or self.soft:
             return False
         # a rod that was put back, or that other cables touch, may be another one, or among others
         if not (known.shape is q and known.obstacles is self.obstacles and known.samples is self.samples):

@@ -90,9 +90,14 @@ class WithoutContact:
     """Whether a descent has lost friction's history."""
 
     @property
+    def soft(self) -> bool:
+        """Whether it stretches or shears."""
+        return self.compliance is not NOTHING and bool(self.compliance.any())
+
+    @property
     def creeps(self) -> bool:
         """Whether slip creeps along it where it lies: it stretches."""
-        return bool(self.compliance.any())
+        return self.soft
 
     def note_step(self, code: int, iterations: int, far: float) -> None:
         """Remember how a step of `far`, L, ended: the next pose need not fail in longer ones again.
