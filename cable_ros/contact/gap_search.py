@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import shape_of, surface
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, gap
 from cable_ros.contact.interfaces import LEVEL, gap_at, lowest
@@ -31,6 +31,9 @@ WEIGHTS = 5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0
 """Gauss rule on an interval of length 1: exact for the square of a parabola's depth."""
 SURFACING, SURFACED = 40, 1e-10
 """Maximum number of steps to where the curve leaves an obstacle, and the last one, L."""
+REACH, REMOTE = 1.1, 0.1
+"""Distance from its start that no part of a cable exceeds, L: it is stretched to no more than this; and how
+far beyond an obstacle is that need not be looked at."""
 ROUNDING = 1e-9
 """Part of an obstacle's width within which a bound of motions is not told from it."""
 
@@ -248,15 +251,20 @@ def passage(q_old, shape, samples, old_obstacles, obstacles, phi):
     return passed(old_c, (c, h, s0), samples, old_obstacles, obstacles, phi)
 
 
-@njit(**LEAF_ENTRY)
+@njit(**OPTIONS)
 def largest_motion(q, q_new, old_obstacles, obstacles):
     """The most that a step moves the cable beside an obstacle, and half the width of the thinnest one, L.
+
+    Obstacles that are far out of the cable's reach do not count: they may turn on links far off, or be the
+    point for one that the cable leaves out, whose distance, L, changes as the cable slides. Returned, too, is
+    how far beyond its reach they are after the step at least, L; infinite if all count.
 
     Args:
         q, q_new: (n, 4) nodal frames before and after, of the same nodes or nearly so.
         old_obstacles, obstacles: (o, WIDTH) before and after the step.
     """
-    turn, width, most = 0.0, np.inf, 0.0
+    turn, width, most, beyond = 0.0, np.inf, 0.0, np.inf
+    start, n, directions, bends = np.zeros(3), np.empty(3), np.empty((2, 3)), np.empty(2)
     for i in range(q.shape[0]):
         same, opposite = 0.0, 0.0
         for a in range(4):
@@ -265,9 +273,6 @@ def largest_motion(q, q_new, old_obstacles, obstacles):
         turn = max(turn, 2.0 * np.sqrt(min(same, opposite)))
     for o in range(obstacles.shape[0]):
         new, old = obstacles[o], old_obstacles[o]
-        for k in range(DIMENSIONS, OFFSET):
-            if new[k] > 0.0:
-                width = min(width, new[k] + new[OFFSET])
         shift, tilt, size, swell = 0.0, 0.0, 0.0, 0.0
         for i in range(CENTRE, AXES):
             shift += (new[i] - old[i]) ** 2
@@ -276,9 +281,17 @@ def largest_motion(q, q_new, old_obstacles, obstacles):
             tilt += (new[i] - old[i]) ** 2
         for i in range(DIMENSIONS, OFFSET + 1):  # in other units, of a cable that slides through its supports
             swell += abs(new[i] - old[i])
-        most = max(most, np.sqrt(shift) + np.sqrt(tilt) * (1.0 + np.sqrt(size)) + swell)
+        motion = np.sqrt(shift) + np.sqrt(tilt) * (1.0 + np.sqrt(size)) + swell
+        left = gap(new, start, n, directions, bends) - REACH
+        if left > motion + REMOTE:
+            beyond = min(beyond, left)
+            continue
+        most = max(most, motion)
+        for k in range(DIMENSIONS, OFFSET):
+            if new[k] > 0.0:
+                width = min(width, new[k] + new[OFFSET])
     # no section moves farther than the largest rotation times the length before it
-    return turn + most, width
+    return turn + most, width, beyond
 
 
 @njit(**OPTIONS)

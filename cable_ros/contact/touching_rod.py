@@ -196,8 +196,8 @@ class TouchingRod(ActiveSetRod):
         # a rod that was put back, or that other cables touch, may be another one, or among others
         if not (known.shape is q and known.obstacles is self.obstacles and known.samples is self.samples):
             return False
-        motion, width = largest_motion(q, q_new, known.obstacles, obstacles)
-        left = known.left - BETWEEN * motion
+        motion, width, beyond = largest_motion(q, q_new, known.obstacles, obstacles)
+        left = min(known.left - BETWEEN * motion, beyond - 0.5 * self.spacing)
         self.room = Room(q_new, obstacles, self.samples, left)
         return BETWEEN * motion <= width and left > 0.0
 
@@ -223,7 +223,7 @@ class TouchingRod(ActiveSetRod):
         """
         assert self.obstacles is not None
         if len(q) == len(q_new):
-            motion, width = largest_motion(q, q_new, before, self.obstacles)
+            motion, width, _ = largest_motion(q, q_new, before, self.obstacles)
             if motion <= width:
                 return False
         shape, points = mesh.interpolate(q, self.mesh.nodes), self.points[: self.count]

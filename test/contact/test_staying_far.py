@@ -9,7 +9,7 @@ from nodal_scenes import shapes
 from references.rods import reference
 
 from cable_ros import Tracker
-from cable_ros.contact.distance import AXES, CENTRE, gaps
+from cable_ros.contact.distance import AXES, CENTRE, OFFSET, gaps
 from cable_ros.contact.gap_search import largest_motion
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import quaternion
@@ -75,7 +75,7 @@ def test_no_gap_changes_by_more_than_the_bound(shape):
         nodes = found.rod.mesh.nodes
         bend = size * np.stack([np.sin(nodes), nodes**2, np.sin(3.0 * nodes)], axis=1)
         quaternion.retract(found.q, bend.ravel(), q)
-        most, _ = largest_motion(found.q, q, old, new)
+        most, _, _ = largest_motion(found.q, q, old, new)
         lines = []
         for frames in (found.q, q):
             t = quaternion.tangents(found.rod.mesh.interpolate(frames, s))
@@ -83,3 +83,24 @@ def test_no_gap_changes_by_more_than_the_bound(shape):
             lines.append(np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
         changes = [gaps(new, b)[0] - gaps(old, a)[0] for a, b in zip(*lines, strict=True)]
         assert 0.0 < np.abs(changes).max() <= most
+
+
+def test_what_is_out_of_reach_does_not_count():
+    """Turning on a link far off, or left out by the cable: a point whose distance changes with the unit."""
+    found, near = reference("space_arm_+0.0deg"), shapes()["sphere"][None]
+    turning, left_out = near.copy(), near.copy()
+    turning[0, CENTRE:AXES] = 0.0, 0.0, 9.0
+    left_out[0, OFFSET] = -1e6
+    old = np.concatenate([near, turning, left_out])
+    new = old.copy()
+    new[0, CENTRE] += 1e-3
+    new[1, AXES : AXES + 9] = quaternion.matrix_from_ros(np.array([0.1, 0.0, 0.0, 1.0])).ravel()
+    new[2, OFFSET] *= 1.01
+    most, width, beyond = largest_motion(found.q, found.q, old, new)
+    assert (most, width, np.inf) == largest_motion(found.q, found.q, near, new[:1])
+    assert 0.0 < beyond <= gaps(new[1:2], np.zeros(3))[0] - 1.0
+    closer = turning.copy()
+    closer[0, CENTRE + 2] = 1.5
+    new = closer.copy()
+    new[0, CENTRE + 2] -= 0.4
+    assert largest_motion(found.q, found.q, closer, new)[2] == np.inf
