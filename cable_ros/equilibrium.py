@@ -32,11 +32,8 @@ class Status(enum.Enum):
     def __init__(self, sentence: str) -> None:
         self.sentence = sentence
         """The value, quicker to get."""
-
-    @property
-    def trusted(self) -> bool:
+        self.trusted = self.name in ("CONVERGED", "SNAPPED")
         """Whether numbers with this status may be published as true."""
-        return self in (Status.CONVERGED, Status.SNAPPED)
 
 
 @dataclass(frozen=True, eq=False)

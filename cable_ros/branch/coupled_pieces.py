@@ -17,7 +17,7 @@ from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupled_tangent import Whole
 from cable_ros.branch.crossing_cable import CrossingCable
-from cable_ros.branch.followed_equilibrium import POSE_LEFT_OUT
+from cable_ros.branch.followed_equilibrium import POSE_LEFT_OUT, largest_difference
 from cable_ros.branch.landing import with_tip
 from cable_ros.branch.loose_ends import LooseEnd, loose_ends
 from cable_ros.branch.loose_piece import LoosePiece
@@ -117,7 +117,7 @@ class CoupledPieces(Released):
                     self.pieces[0].distrust(POSE_LEFT_OUT)
                 self._waiting = route[k + 1 : -1]
                 return self._failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, begin)
-            if not np.array_equal(self._joints, there):
+            if not (self._joints is there or np.array_equal(self._joints, there)):
                 self._waiting = route[k:]
                 return self._failed(Status.UNFINISHED, Status.UNFINISHED.sentence, begin)
         self._failures = 0
@@ -187,7 +187,7 @@ class CoupledPieces(Released):
         """
         told = ""
         origin = self._joints
-        distance = float(np.abs(joints - origin).max(initial=0.0))
+        distance = largest_difference(joints, origin)
         longest = LONGEST / max(distance, LONGEST)
         at, step = 0.0, min(longest, self._stride / max(distance, 1e-300))
         while at < 1.0:

@@ -106,7 +106,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
             return self._cold(kinematics, joints, poses, begin, target_twist)
         rod.work = self._budget
         rod.patience, rod.short, rod.forked = PATIENCE, False, False
-        if self._share < 1.0 or _largest_difference(joints, self._joints) > LONGEST:
+        if self._share < 1.0 or largest_difference(joints, self._joints) > LONGEST:
             return self._continue_to(kinematics, index, joints, poses, begin)
         qe, re, f, obstacles, far, room = self._destination(kinematics, joints, poses, rod)
         if room < -CLAMP_DEPTH and (inside := self._clamp_inside(obstacles, re)):
@@ -351,7 +351,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         return self._cold(kinematics, joints, poses, begin, self._twist, cause)
 
 
-def _largest_difference(a: np.ndarray, b: np.ndarray) -> float:
+def largest_difference(a: np.ndarray, b: np.ndarray) -> float:
     """Largest difference of two arrays (n,); in Python, which is faster for a few joints."""
     out = 0.0
     for x, y in zip(a.tolist(), b.tolist(), strict=True):

@@ -158,8 +158,8 @@ def _contacts(found: Sequence[Equilibrium], cuts: Sequence[float]) -> ContactTab
         for s, one in zip(cuts, found, strict=False)
         if one._contact_table is not None
     ]
-    if not tables:
-        return None
+    if len(tables) < 2:
+        return tables[0] if tables else None
     columns = {
         field.name: np.concatenate([getattr(table, field.name) for table in tables])
         for field in dataclasses.fields(ContactTable)

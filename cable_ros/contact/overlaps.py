@@ -49,12 +49,20 @@ class SelfApproach:
         Two parts come no nearer to each other than both have moved since that was computed last.
         """
         if len(points) == len(self._points):
-            moved = points - self._points
-            least = self._apart - 2.0 * math.sqrt(np.einsum("na,na->n", moved, moved).max())
+            least = self._apart - 2.0 * _farthest(points, self._points)
             if least >= needed:
                 return least
         self._points, self._apart = points.copy(), closest_approach(points, self._length, self._spacing)
         return self._apart
+
+
+@njit(**LEAF_ENTRY)
+def _farthest(a, b):  # type: ignore[no-untyped-def]
+    """The largest distance of two points of the same number in a and b, (n, 3)."""
+    most = 0.0
+    for i in range(a.shape[0]):
+        most = max(most, (a[i, 0] - b[i, 0]) ** 2 + (a[i, 1] - b[i, 1]) ** 2 + (a[i, 2] - b[i, 2]) ** 2)
+    return np.sqrt(most)
 
 
 def closest_between(

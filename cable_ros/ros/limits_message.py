@@ -56,7 +56,7 @@ class _Filled:
         set_stamp(self._template, stamp)
         numbers = (number for one in extremes for number in (one.value, one.arc_length, one.use))
         for text, number in zip(self._texts, numbers, strict=True):
-            text[:] = f"{number:13.5e}".encode()
+            text[:] = b"%13.5e" % number
         return self._template.to_bytes()
 
 

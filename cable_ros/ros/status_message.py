@@ -71,7 +71,7 @@ class _Filled:
         """Bytes with the numbers of each cable, one after the other."""
         set_stamp(self._template, stamp)
         for text, number in zip(self._texts, numbers, strict=True):
-            text[:] = f"{number:13.5e}".encode()
+            text[:] = b"%13.5e" % number
         return self._template.to_bytes()
 
 
