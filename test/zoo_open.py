@@ -96,6 +96,12 @@ OF_A_KIND = {
     (154, 7, "lift"): "a rough lift laid flat, told in 4 times as many poses: 4.4 % at the last",
     (154, 8, "lift"): "a rough lift, on a finer path: it slides 1.1e-3 L the way its friction pushes",
     (154, 11, "lift"): "a rough lift led aside, on a grid: a contact is said to stick and has moved 4e-3 L",
+    (155, 2, "beams"): "heavy, flat on a smooth beam whose edge comes to it: a grid, then it is lost",
+    (155, 7, "rollers"): "rough rollers: on a finer path it slides 6e-4 L the way its friction pushes",
+    (155, 9, "rollers"): "a light cable on rough rollers: 2.8 % from the same path in 4 times as many poses",
+    (155, 3, "drum"): "a light cable on a rough drum that rises: 2.8 % likewise",
+    (155, 17, "drum"): "a heavy cable on a rough drum: 1.6 % likewise",
+    (155, 18, "tray"): "weightless, on a rough tray: the judge finds nothing beside two answers",
     (154, 9, "ball"): "a light cable on a rough ball: it falls, and friction is forgotten",
 }
 """By seed, index and kind."""
