@@ -213,7 +213,7 @@ class CoupledPieces(Released):
                 at, step = target, min(2.0 * step, longest)
                 continue
             self._return()
-            self._faces = [None if tip.face is None else tip.face[::2] for tip in self.state.tips]
+            self._faces = [tip.touch for tip in self.state.tips]
             step = 0.5 * (target - at)
             if step * distance < (STEEP if self._stands else SHORTEST):
                 rubbed = self.rubbing

@@ -14,6 +14,7 @@ from cable_ros.branch.crossing_balance import CrossedTangent, OneOf
 from cable_ros.branch.crossing_cable import SLOTS
 from cable_ros.branch.crossing_newton import Pair, overlapping
 from cable_ros.branch.crossing_snap import CrossingSnap
+from cable_ros.branch.followed_equilibrium import largest_difference
 from cable_ros.branch.shared_piece import Place
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.crossing import Spacer
@@ -153,7 +154,7 @@ class CrossedCables(CrossingSnap):
         """Continue the branch straight to `joints`; whether it arrived. None: it goes on at the next call."""
         origin = self._joints
         assert origin is not None
-        distance = float(np.abs(joints - origin).max(initial=0.0))
+        distance = largest_difference(joints, origin)
         longest = LONGEST / max(distance, LONGEST)
         at, step, self.iterations, self.lying, self._snaps = 0.0, longest, 0, None, False
         self.onto_itself = False

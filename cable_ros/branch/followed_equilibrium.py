@@ -269,7 +269,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
             there = origin + t * (joints - origin)
             return self._conditions(kinematics, there, kinematics.poses(there)[index], start.qe)
 
-        distance = float(np.abs(joints - origin).max(initial=0.0))
+        distance = largest_difference(joints, origin)
         longest = LONGEST / max(distance, LONGEST)
         fallback = handover.nodal if rod.replaceable else None
         first, self._share = longest * min(rod.stride, rod.first_stride, self._share), 1.0

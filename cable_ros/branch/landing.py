@@ -38,7 +38,7 @@ def faced(tip: Tip, touch: Touch, rows: np.ndarray | None) -> Tip:
 
 def caught(end: LooseEnd, tip: Tip, rows: np.ndarray | None, least: float) -> Touch:
     """What a tip touches if its distance, m, from an obstacle is less than `least`."""
-    here = None if tip.face is None else tip.face.touch
+    here = tip.touch
     if not end.free or rows is None:
         return None
     distance, which = nearest(rows, tip.position)
@@ -88,9 +88,7 @@ def pushed_out(position: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
 
 def touches(faces: Sequence[Touch], tips: Sequence[Tip]) -> bool:
     """Whether tips touch what `faces` say."""
-    return all(
-        face == (None if tip.face is None else tip.face.touch) for face, tip in zip(faces, tips, strict=True)
-    )
+    return all(face == tip.touch for face, tip in zip(faces, tips, strict=True))
 
 
 def with_tip(

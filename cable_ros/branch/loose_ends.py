@@ -81,6 +81,11 @@ class Tip(NamedTuple):
     face: Face | None = None
     """What it rests on."""
 
+    @property
+    def touch(self) -> tuple[int, bool] | None:
+        """The obstacle that it rests on, and whether the cable lies there; None: it hangs."""
+        return None if self.face is None else self.face.touch
+
     def moved(self, step: np.ndarray) -> Tip:
         """After a step (6,): rotations about `spins`, rad, then along `axes`, m; it stays on its face."""
         turn = np.empty((1, 4))

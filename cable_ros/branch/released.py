@@ -222,7 +222,7 @@ class Released(Balance):
         def back(to: Shared) -> None:
             nonlocal state
             self._return()
-            self._faces = [None if tip.face is None else tip.face.touch for tip in to.tips]
+            self._faces = [tip.touch for tip in to.tips]
             state = to
 
         def landed(at: Shared) -> Shared:

@@ -36,6 +36,7 @@ from cable_ros.branch.crossing_newton import (
     CrossingNewton,
     Pair,
 )
+from cable_ros.branch.followed_equilibrium import largest_difference
 from cable_ros.branch.rubbing_cable import Hold, RubbingCable
 from cable_ros.branch.rubbing_tangent import RubbingTangent
 from cable_ros.contact.crossing import FREEDOMS, UNSTABLE, Spacer
@@ -274,7 +275,7 @@ class RubbingNewton(CrossingNewton):
     ) -> list[Spacer] | None:
         """The spacers, unless friction has turned or slipped too far in this step."""
         assert self._joints is not None
-        if float(np.abs(joints - self._joints).max(initial=0.0)) <= FRICTION_LEAST:
+        if largest_difference(joints, self._joints) <= FRICTION_LEAST:
             return spacers
         for j, rub in rubs.items():
             one = spacers[j]

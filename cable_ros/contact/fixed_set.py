@@ -67,7 +67,7 @@ class FixedSetRod(ConstrainedRod):
         """
         if self.bare:
             return super().wrench_response(q, F, moving)
-        if self.compliance.any() and self.model == COULOMB and self.rough().any():
+        if self.soft and self.model == COULOMB and self.rough().any():
             return np.full((12 + 6 * len(moving), 12 + 6 * len(moving)), np.nan)
         return self._response(q, F, moving, None)
 

@@ -44,7 +44,7 @@ class NodalAdoption(NodalSolver):
         state.q[:] = fresh * signs[:, None]
         weight = rod.f * np.arange(m - 1, -1, -1)[:, None] / self.cells
         nodal = self._shared(arc_lengths, forces, obstacles)
-        if self.compliance.any():
+        if self.soft:
             # where its points are follows from the forces as the grid has them, and what sticks stays there
             state.F[:] = F + _behind(np.arange(m + 1.0), nodal.sum(axis=1), np.arange(m)) + weight
         else:

@@ -100,7 +100,7 @@ class NodalContacts(Rod):
         self.cells, self.at = points, tuple(at)
         self.compliance = np.ascontiguousarray(compliance, float)
         super().__init__(cells(self.cells, self.at), stiffness, natural)
-        if self.compliance.any():
+        if self.soft:
             self.least = least_force(self.compliance)
         self.coulomb = coulomb
         elements, count = len(self.h), len(obstacles)
@@ -216,7 +216,7 @@ class NodalContacts(Rod):
         """(m, g, 3) derivatives of the centreline by the arc length of the unloaded cable."""
         frames = self.mesh.interpolate(self.state.q, self._gauss_places().ravel())
         tangents = quaternion.tangents(frames).reshape(len(self.h), -1, 3)
-        if self.compliance.any():
+        if self.soft:
             tension = np.einsum("ma,mga->mg", self.state.F, tangents)
             tangents *= 1.0 + self.compliance[2] * tension[..., None]
         if self.compliance[:2].any():
@@ -284,7 +284,7 @@ class NodalContacts(Rod):
         self, q: np.ndarray, F: np.ndarray, at: np.ndarray, start: np.ndarray, length: float,
         points: np.ndarray,
     ) -> None:  # fmt: skip
-        if self.compliance.any():
+        if self.soft:
             turn = quaternion.matrix_from_ros(start[3:])
             points[:] = (
                 start[:3]
@@ -356,7 +356,7 @@ class NodalContacts(Rod):
         """
         self.refactor(self.state.q, self.state.F[-1])
         at, _, contacts = contact_tangents(self.state, self._last_step(), self._rows, *self._size)
-        links = stiffness(self.state.q, self._model, PENALTY) if self.compliance.any() else RIGID
+        links = stiffness(self.state.q, self._model, PENALTY) if self.soft else RIGID
         return softest(self._tangents, self._rows, at, contacts, self.start_vector(), iterations, links)
 
     def contact_stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
