@@ -23,6 +23,8 @@ ARCH = either_side()[0]
         pytest.param(drawn_case(11, 57, 1e-4), 1, id="four images of one energy, of which some are found"),
         pytest.param(contact_case(77, 4, 1e-4), 2, id="a point beside a smooth patch, not far from friction"),
         pytest.param(ARCH, 2, id="a snap-through that takes a call's budget"),
+        pytest.param(drawn_case(15, 17, 1e-4), 7, id="a heavy cable on the ground, on which its clamp rests"),
+        pytest.param(drawn_case(15, 51, 1e-4), 1, id="the same, with a diameter"),
     ],
 )
 def test_same_answer(case: Case, poses: int) -> None:

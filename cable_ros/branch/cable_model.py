@@ -12,7 +12,7 @@ from cable_ros.branch.cold_start import (
     Conditions,
 )
 from cable_ros.branch.held_ends import ends_of
-from cable_ros.contact.destination import destination
+from cable_ros.contact.destination import destination, rest_clamps
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, nearest, placed
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.shortest_path import too_short
@@ -88,7 +88,10 @@ class CableModel:
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, before: np.ndarray
     ) -> Conditions:
         qe, re, f = relative(poses, before, self._weight, self._units.length, self._units.force)
-        return Conditions(qe, re, f, self._placed(kinematics, joints, poses))
+        obstacles = self._placed(kinematics, joints, poses)
+        if obstacles is not None:
+            rest_clamps(obstacles, qe, re)
+        return Conditions(qe, re, f, obstacles)
 
     def _destination(
         self, kinematics: Kinematics, joints: np.ndarray, poses: np.ndarray, rod: Rod

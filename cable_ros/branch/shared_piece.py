@@ -32,7 +32,7 @@ from cable_ros.rod.elements import Mesh
 from cable_ros.rod.held_rod import HeldRod
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY
-from cable_ros.rod.units import Units, relative
+from cable_ros.rod.units import Units
 from cable_ros.rod.without_contact import SAME, SHORTEST_STEP
 from cable_ros.scene import Kinematics
 
@@ -371,11 +371,7 @@ class SharedPiece(CableTracker):
         rod = self._rod
         assert rod is not None
         self.set_length(place.length)
-        unit = self._units
-        there = Conditions(
-            *relative(place.poses, rod.qe, self._weight, unit.length, unit.force),
-            self._placed(kinematics, joints, place.poses),
-        )
+        there = self._conditions(kinematics, joints, place.poses, rod.qe)
         if not rod.chord(there.qe, there.re) < self._reach:
             return False
         self._let_yield(rod, place._replace(yields=None))

@@ -8,8 +8,8 @@ import pytest
 from nodal_scenes import shapes
 from scipy.spatial.transform import Rotation
 
-from cable_ros.contact.destination import destination
-from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, WIDTH, gaps
+from cable_ros.contact.destination import RESTS, destination, rest_clamps
+from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, OFFSET, WIDTH, gap, gaps
 from cable_ros.contact.travel import TURN
 
 
@@ -43,3 +43,28 @@ def test_conditions_obstacles_and_travel_are_those_of_rotations(seed):
     )
     assert travel == pytest.approx(farthest, abs=1e-12)
     assert room == min(gaps(there, np.zeros(3)).min(), gaps(there, re).min())
+
+
+@pytest.mark.parametrize("beside", [0.3 * RESTS, 30.0 * RESTS], ids=["rests", "stands off"])
+def test_a_clamp_that_all_but_rests_on_a_plane_is_brought_onto_it(beside: float) -> None:
+    # the plane of y and z, all but; its normal is its third axis
+    normal = Rotation.from_rotvec([0.0, np.pi / 2, 0.0])
+    planes = np.array([shapes()["plane"]])
+    planes[0, OFFSET] = 0.0
+    planes[0, CENTRE:AXES] = [-beside, 0.0, 0.0]
+    planes[0, AXES:DIMENSIONS] = (Rotation.from_rotvec([0.0, beside, beside]) * normal).as_matrix().ravel()
+    re = np.array([beside, 0.2, 0.7])
+    qe = Rotation.from_euler("XY", [0.4, beside]).as_quat(scalar_first=True)
+    before = planes.copy(), qe.copy(), re.copy()
+    room = rest_clamps(planes, qe, re)
+    assert room == pytest.approx(beside, rel=1e-3)
+    n = np.empty(3)
+    for r, q in ((np.zeros(3), [1.0, 0.0, 0.0, 0.0]), (re, qe)):
+        off = gap(planes[0], r, n, np.empty((2, 3)), np.empty(2))
+        across = Rotation.from_quat(q, scalar_first=True).apply([0.0, 0.0, 1.0]) @ n
+        if beside < RESTS:
+            assert max(abs(off), abs(across)) < 1e-15
+        else:
+            assert min(abs(off), abs(across)) > RESTS
+    for after, old in zip((planes, qe, re), before, strict=True):
+        np.testing.assert_allclose(after, old, rtol=0.0, atol=4.0 * beside if beside < RESTS else 0.0)
