@@ -272,7 +272,7 @@ class ActiveSetRod(FrictionalRod):
                 return code, spent, q, F
         rubs = self.model == COULOMB
         distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles) if rubs else 0.0
-        self._set_bedding(distance)
+        self._set_bedding(distance, F)
         goal = (qe, re, f), obstacles, (tolerance, limit, self.rotation, self.refactor_at)
         factors = self.A, self.L, self.pivots, Y, S
         found = self._newton(q, F, goal, factors)

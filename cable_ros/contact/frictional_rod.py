@@ -43,6 +43,9 @@ SLIPPED = 0.9
 """Least friction before a step, over that after it, of a point that slipped then too, and has only turned."""
 SHORT_STEP = 1e-3
 """Length of a step, L, below which what sticks along a patch is firmer."""
+STIFF_FORCE = 160.0
+"""End force, EI / L^2, above which it is, too: a taut cable resists its clamps with about 2 F^1.5, EI / L^3,
+here as much as `BEDDING` allows for. At 7e4 an end force was a quarter too small, in whatever steps."""
 
 
 class FrictionalRod(FixedSetRod):
@@ -111,15 +114,15 @@ class FrictionalRod(FixedSetRod):
         error = self.followed.error
         return error / max(float(np.linalg.norm(F)), 1e-3) if error else 0.0
 
-    def _set_bedding(self, distance: float) -> None:
+    def _set_bedding(self, distance: float, F: np.ndarray) -> None:
         """Let what sticks along a patch yield in proportion to a short step, by its length, L.
 
         A cable that is laid flat moves ever less along itself; where it yielded as much, 5 % of its end force
-        was missing.
+        was missing. And the less, the more a cable resists its clamps whose end force is F (3,).
         """
         if distance == 0.0 or self.creeps:
             return
-        firmer = max(1.0, SHORT_STEP / distance)
+        firmer = max(1.0, SHORT_STEP / distance) * max(1.0, float(np.linalg.norm(F)) / STIFF_FORCE) ** 1.5
         bedding = self.softest_bedding * 4.0 ** round(math.log(firmer, 4.0))
         if bedding != self.bedding:
             self.bedding, self.ready = bedding, False
