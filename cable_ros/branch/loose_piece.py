@@ -55,6 +55,7 @@ class LoosePiece(SharedPiece):
         start, end = (replace(mount, kind=CLAMPED, turns=False) for mount in cable.mounts)
         held = replace(cable, start=start, end=end)
         self._follows = any(mount.kind in (FREE, SLIDING) for mount in cable.mounts)
+        self._ends_free = cable.end.kind == FREE
         super().__init__(held, properties, tolerance, polyline_points, obstacle_names)
         load = sum(float(np.linalg.norm(mount.force)) for mount in cable.mounts) / self._units.force
         bend = sum(float(np.linalg.norm(mount.moment)) for mount in cable.mounts) / self._units.moment
@@ -114,6 +115,13 @@ class LoosePiece(SharedPiece):
         assert self._rod is not None
         self._margin = self._rod.stability_margin()
         return True
+
+    @property
+    def _path_force(self) -> np.ndarray:
+        """That at the start if the end is free, whose force is given."""
+        if not self._ends_free or self._rod is None:
+            return super()._path_force
+        return self._F + self._rod.f + self._rod.contact_force()
 
     @property
     def _load(self) -> float:

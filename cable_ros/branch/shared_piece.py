@@ -76,6 +76,8 @@ class Kept(NamedTuple):
     length: float
     begin: float
     joints: np.ndarray
+    path_force: np.ndarray
+    """See `TrackedEquilibrium`."""
 
 
 class SharedPiece(CableTracker):
@@ -235,14 +237,15 @@ class SharedPiece(CableTracker):
         assert rod is not None
         contacts = rod.state() if isinstance(rod, ActiveSetRod) else None
         conditions, where = conditions_of(rod), (self.length, self._begin, self._joints)
-        self._origin = Kept(self._q, self._F, conditions, rod.mesh, contacts, *where)
+        self._origin = Kept(self._q, self._F, conditions, rod.mesh, contacts, *where, self._path_force)
         return self._origin
 
     def arrive(self) -> None:
         """Count the step from the equilibrium that was kept last: of all that were tried it is the one."""
         rod, origin = self._rod, self._origin
         if self.rubs and isinstance(rod, ActiveSetRod) and origin is not None:
-            rod.follow(self._far, self._F - (self.length / origin.length) ** 2 * origin.F)
+            before = (self.length / origin.length) ** 2 * origin.path_force
+            rod.follow(self._far, self._path_force - before)
 
     def holds(self, kept: Kept) -> bool:
         """Whether it is at this equilibrium."""

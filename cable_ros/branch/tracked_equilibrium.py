@@ -205,9 +205,14 @@ class TrackedEquilibrium(CableModel):
             return self.failed(Status.NOT_CONVERGED, COARSE.format(error), time.perf_counter() - begin)
         if rod.forgot:
             self._lose("friction was forgotten when the mesh changed")
-        error = max(error, rod.path_error(self._F))
+        error = max(error, rod.path_error(self._path_force))
         status, message = self._verdict(status, message, error)
         return self._result(status, message, error, iterations, poses, begin)
+
+    @property
+    def _path_force(self) -> np.ndarray:
+        """(3,) force, EI / L^2, by whose changes the error of friction's path is told: that at the end."""
+        return self._F
 
     def _refine(self, rod: Rod) -> tuple[int, str]:
         """Estimate the error of a rod without a grid, and refine its mesh until it meets the tolerance.

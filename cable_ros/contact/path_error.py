@@ -18,6 +18,9 @@ above what is told, by more than 0.3 %, at 4 of 1,361 poses; where it is large i
 FADES = 5.0
 """1 / L: by how much it fades over the motion, as fast as on a grid of contacts."""
 
+STILL = 1e-9
+"""Length of a step, L, below which nothing has moved: a free end is found again to rounding."""
+
 
 @dataclass(frozen=True)
 class PathError:
@@ -34,6 +37,8 @@ class PathError:
 
     def after_step(self, distance: float, change: np.ndarray) -> PathError:
         """After a step of length `distance`, L, in which the end force changed by `change`, (3,)."""
+        if distance < STILL:
+            return self
         bend = change if self.rate is None else change - distance * self.rate
         faded = self.error * math.exp(-FADES * distance)
         return PathError(faded + PART * float(np.linalg.norm(bend)), change / distance)

@@ -38,6 +38,11 @@ def test_it_is_of_first_order_in_the_steps() -> None:
     assert orders[-1] == pytest.approx(1.0, abs=0.02)
 
 
+def test_what_moves_by_rounding_stands_still() -> None:
+    one = NONE.after_step(0.01, RATE)
+    assert one.after_step(1e-16, 1e-9 * RATE) == one
+
+
 def test_units_of_force() -> None:
     one = NONE.after_step(0.01, RATE).in_units(4.0)
     other = NONE.after_step(0.01, RATE / 4.0)
