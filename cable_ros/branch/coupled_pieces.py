@@ -189,10 +189,10 @@ class CoupledPieces(Released):
         origin = self._joints
         distance = largest_difference(joints, origin)
         longest = LONGEST / max(distance, LONGEST)
-        at, step = 0.0, min(longest, self._stride / max(distance, 1e-300))
+        at, step = 0.0, min(longest, self._stride / distance) if distance else 1.0
         while at < 1.0:
             if steps >= MOST_STEPS or (self.rubs and self._worked > MOST_WORK):
-                self._stride = step * distance
+                self._stride = step * distance if distance else self._stride
                 return steps, told
             target = min(1.0, at + step)
             there = joints if target == 1.0 else origin + target * (joints - origin)
