@@ -13,10 +13,11 @@ import pytest
 from pages import blocks
 from references.coulomb_rod import Led, Obstacle, Path, lead
 from scipy.spatial.transform import Rotation
-from test_touching_ends import FREE, GROUND, among, wrenches
+from test_touching_ends import DIAMETER, FREE, GROUND, among, wrenches
 from zoo_supports import Case
 
 from cable_ros import Tracker
+from cable_ros.branch import coupled_pieces
 from cable_ros.branch.grip import friction_force, landed
 from cable_ros.contact.distance import BOX, WIDTH
 from cable_ros.equilibrium import Equilibrium, Status
@@ -107,6 +108,44 @@ def test_an_end_that_drags_is_held_back_along_its_way():
         else:
             assert np.linalg.norm(way) < 1e-4
     assert slid > 20
+
+
+def test_the_error_of_the_path_is_that_of_the_force_at_the_clamp():
+    # beside the force of the free end, which is none, it was told as hundreds
+    assert 1e-3 < max(one.error_estimate for one in ours("lies, led across")) < 0.3
+
+
+def test_a_call_that_ends_with_nothing_left_of_the_way_does_not_stop_the_next_ones(monkeypatch):
+    case = led("lies, drawn")
+    tracker = case.tracker(1e-4)
+    tracker.arrive(case.joints(0.0))
+    monkeypatch.setattr(coupled_pieces, "MOST_STEPS", 1)
+    calls = [tracker.solve(case.joints(0.05))["c"].status for _ in range(10)]
+    assert {calls[0], calls[-1]} == {Status.UNFINISHED, Status.CONVERGED}
+    monkeypatch.undo()
+    assert tracker.solve(case.joints(0.06))["c"].status is Status.CONVERGED
+
+
+@pytest.mark.parametrize(("radius", "above"), [(0.07, 0.006), (0.07, 0.014), (0.1, 0.006)])
+def test_a_heavy_rope_drawn_over_a_drum_slides_at_the_capstans_ratio(radius, above):
+    """As more of it comes to lie on the drum, its mesh has to become finer within a step."""
+    weight, rim = 9.9e3, radius + 0.5 * DIAMETER
+    drum = {"start": [0.0, -0.2, 0.0], "end": [0.0, 0.2, 0.0], "radius": radius}
+    hand = {"link": "cart", "position": [0.0, 0.0, rim + above], "rpy": [0.0, -np.pi / 2, 0.0]}
+    obstacle = {"name": "drum", "cylinder": drum, "friction": FRICTION}
+    case = Case("", among(hand, FREE, obstacle, weight=weight), np.array([0.1, 0.0, 0.0]))
+    found = case.led(np.linspace(0.0, 1.0, 3), 1e-3)[-1]
+    # tension where the span leaves the drum, and the angle about which the cable has turned on it
+    down, _, back = found.start_wrench[:3]
+    pull = np.array([back, -down - weight * found.contacts[0].arc_length])
+    end, tension = np.arctan2(*pull), float(np.linalg.norm(pull))
+    # dT/dphi = mu T + w R (cos phi + mu sin phi), from the weight that hangs on the other side
+    hangs, square = -weight * found.points[-1, 2], FRICTION**2
+    spread = ((1.0 - square) * np.sin(end) - 2.0 * FRICTION * np.cos(end)) / (1.0 + square)
+    begins = hangs + 2.0 * FRICTION / (1.0 + square) * weight * rim
+    rope = np.exp(FRICTION * end) * begins + weight * rim * spread
+    bending = 0.5 * (1.0 + square) * (1.0 / tension - 1.0 / hangs) / rim**2
+    assert np.log(tension / rope) == pytest.approx(bending, abs=3e-3)
 
 
 @EVERY

@@ -317,8 +317,8 @@ class ActiveSetRod(FrictionalRod):
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.loaded = loaded if self.rotation > 0.0 else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
-        if moved and remesh and (sunk or not self._remeshing.waits):
-            finer = self._remesh(q_new, F_new, iterations, tolerance)
+        if remesh and (sunk or (moved and not self._remeshing.waits)):
+            finer = self._remesh(q_new, F_new, iterations, tolerance, sunk)
             if finer is not None:
                 self._remeshing.reset()
                 return finer
@@ -454,12 +454,18 @@ class ActiveSetRod(FrictionalRod):
         return warm_step.ADVANCED, spent, q, F
 
     def _remesh(
-        self, q: np.ndarray, F: np.ndarray, iterations: int, tolerance: float
+        self, q: np.ndarray, F: np.ndarray, iterations: int, tolerance: float, sunk: bool
     ) -> tuple[int, int, np.ndarray, np.ndarray] | None:
-        """The equilibrium (q, F) on a mesh fitted to its contact points; None if it is not found."""
+        """The equilibrium (q, F) on a mesh fitted to its contact points; None if it is not found.
+
+        If it has `sunk` in, the elements that are too long for that are halved as well.
+        """
         old, kept = self.mesh, self.state()
         fresh = self.fit(q)
         assert self.obstacles is not None
+        if sunk:
+            long = self.unresolved(fresh)
+            fresh = self._onto(self.mesh.split(long), fresh) if long.any() else fresh
         fresh, F_fresh = self._let_go(fresh, F, tolerance)
         code, more, q_new, F_new = self.correct(fresh, F_fresh, tolerance, 0.6, remesh=False)
         self.rotation = 0.0
