@@ -18,6 +18,7 @@ from zoo_supports import Case
 
 from cable_ros import Tracker
 from cable_ros.branch import coupled_pieces
+from cable_ros.branch.coupled_pieces import CoupledPieces
 from cable_ros.branch.grip import friction_force, landed
 from cable_ros.contact.distance import BOX, WIDTH
 from cable_ros.equilibrium import Equilibrium, Status
@@ -126,14 +127,45 @@ def test_a_call_that_ends_with_nothing_left_of_the_way_does_not_stop_the_next_on
     assert tracker.solve(case.joints(0.06))["c"].status is Status.CONVERGED
 
 
+HEAVY = 9.9e3
+
+
+def over_drum(radius: float, above: float) -> Case:
+    """A heavy rope that hangs over a drum, its start a little above the top, and is drawn over it."""
+    drum = {"start": [0.0, -0.2, 0.0], "end": [0.0, 0.2, 0.0], "radius": radius}
+    top = radius + 0.5 * DIAMETER + above
+    hand = {"link": "cart", "position": [0.0, 0.0, top], "rpy": [0.0, -np.pi / 2, 0.0]}
+    obstacle = {"name": "drum", "cylinder": drum, "friction": FRICTION}
+    return Case("", among(hand, FREE, obstacle, weight=HEAVY), np.array([0.1, 0.0, 0.0]))
+
+
+def test_a_finer_mesh_that_cannot_be_balanced_is_not_gone_on_from(monkeypatch):
+    case, parts = over_drum(0.07, 0.006), np.linspace(0.0, 1.0, 6)
+    exact, tracker, failed = case.led(parts, 1e-5)[-1], case.tracker(1e-5), []
+    tracker.arrive(case.joints(0.0))
+    plain = CoupledPieces._newton
+
+    def fails_at_rest(self, kinematics, joints, mounts, guess):
+        if np.array_equal(joints, self._joints):  # on another mesh than it has come on
+            failed.append((self.pieces[0], self.pieces[0].mesh))
+            return None
+        return plain(self, kinematics, joints, mounts, guess)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(CoupledPieces, "_newton", fails_at_rest)
+        found = [tracker.arrive(case.joints(part))["c"].status for part in parts[1:4]]
+    assert found[-1] is Status.NOT_CONVERGED
+    piece, finer = failed[-1]
+    assert piece.mesh is not finer
+    last = [tracker.arrive(case.joints(part))["c"] for part in parts[4:]][-1]
+    assert last.status is Status.CONVERGED
+    assert last.start_wrench == pytest.approx(exact.start_wrench, abs=0.01 * np.abs(exact.start_wrench).max())
+
+
 @pytest.mark.parametrize(("radius", "above"), [(0.07, 0.006), (0.07, 0.014), (0.1, 0.006)])
 def test_a_heavy_rope_drawn_over_a_drum_slides_at_the_capstans_ratio(radius, above):
     """As more of it comes to lie on the drum, its mesh has to become finer within a step."""
-    weight, rim = 9.9e3, radius + 0.5 * DIAMETER
-    drum = {"start": [0.0, -0.2, 0.0], "end": [0.0, 0.2, 0.0], "radius": radius}
-    hand = {"link": "cart", "position": [0.0, 0.0, rim + above], "rpy": [0.0, -np.pi / 2, 0.0]}
-    obstacle = {"name": "drum", "cylinder": drum, "friction": FRICTION}
-    case = Case("", among(hand, FREE, obstacle, weight=weight), np.array([0.1, 0.0, 0.0]))
+    case, weight, rim = over_drum(radius, above), HEAVY, radius + 0.5 * DIAMETER
     found = case.led(np.linspace(0.0, 1.0, 3), 1e-3)[-1]
     # tension where the span leaves the drum, and the angle about which the cable has turned on it
     down, _, back = found.start_wrench[:3]

@@ -318,9 +318,12 @@ class CoupledPieces(Released):
             # other meshes: the balance of the supports is another by their error
             assert self.state is not None
             self._set_clear(not self.rubbing)
+            kept = self._kept
             self._keep()  # a step with friction begins at what was kept, on its mesh
             exact = self._newton(kinematics, joints, mounts, self.state)
             if exact is None and self.loose:
+                self._kept = kept
+                self._return()  # from there it goes on to the next pose
                 return self._failed(Status.NOT_CONVERGED, OUT_OF_BALANCE, begin)
             if exact is None:
                 break
