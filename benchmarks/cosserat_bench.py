@@ -7,7 +7,8 @@ Needs, in an environment of its own, this package's requirements and, for the ot
 
 MuJoCo 4 no longer has the cable plugin that cosseratbench drives. Ours is a solver of cosseratbench,
 `Statics`, where an experiment asks for a shape. `twist` watches rods buckle in time: there our answer is the
-twist at which the stability margin is zero, extrapolated from smaller ones.
+twist at which the stability margin is zero, extrapolated from smaller ones. `capstan` has a rope without held
+ends: a hand holds ours, and gives way until it bears nothing.
 
     OMP_NUM_THREADS=1 taskset -c 1 python benchmarks/cosserat_bench.py
 """
@@ -18,6 +19,7 @@ import argparse
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -27,14 +29,14 @@ from cosseratbench.experiment import run
 from cosseratbench.experiments import cantilever, capstan, catenary, crossing, twist
 from cosseratbench.metrics import max_distance_to_curve
 from cosseratbench.registry import load_solver
-from cosseratbench.scenario import EndCondition, Rod, Scenario
+from cosseratbench.scenario import Cylinder, EndCondition, Material, Rod, Scenario
 from cosseratbench.solver import Capability
 from cosseratbench.trajectory import Trajectory
 from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from cable_ros import Equilibrium, Tracker, load_scene
+from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.machine import describe
 from cable_ros.bench.markdown import markdown_table, write_between
 from cable_ros.joint import joint_load
@@ -50,6 +52,16 @@ DROP = 0.05
 reference is no minimum of the energy: without friction the lower rope slips aside along the upper one."""
 MOST_TURNS = 12
 """Maximum number of steps in which the ends are released."""
+ROPE_TOLERANCE = 3e-5
+"""Of the rope over a cylinder: what sticks there yields the less, the smaller it is."""
+SCALE = 10.0
+"""Of that rope's weight and stiffness, so of all its forces: no scene has a stiffness below 1e-6 N m^2."""
+ABOVE = 0.01
+"""Height, m, of the hand that holds that rope over the top of the cylinder at first."""
+TURN, LOWER = 0.07, 0.02
+"""Rad and m between two poses as the hand draws the rope over the cylinder."""
+BARELY, NOTHING = 1e-3, 1e-6
+"""Force on the hand, over the rope's weight, at which it slides by itself, and that counts as none."""
 
 
 def cable(rod: Rod) -> dict[str, Any]:
@@ -87,17 +99,28 @@ class Statics:
         Capability.STRETCH, Capability.CYLINDER_CONTACT, Capability.PLANE_CONTACT, Capability.ROD_CONTACT
     })  # fmt: skip
 
+    slides_at: float | None = None
+    """Overhang at which the last rope over a cylinder slid, over the reference's."""
+
     def run(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> Trajectory:
         """See `cosseratbench.solver.Solver`; n_elements is the number of the polyline's pieces only.
 
         Raises:
-            NotImplementedError: moving ends, obstacles, or ends that we do not have.
+            NotImplementedError: moving ends, or ends that we do not have.
         """
         if len(scenario.rods) > 1:
             return trajectory(scenario, crossed(scenario, 2 * n_elements + 1), n_frames)
         rod = scenario.rods[0]
-        if scenario.obstacles or rod.start_motion or rod.end_motion:
-            raise NotImplementedError("two free ends, ends that move")
+        if rod.start_motion or rod.end_motion:
+            raise NotImplementedError("ends that move")
+        if scenario.obstacles:
+            draped = Draped(scenario, 2 * n_elements + 1)
+            drawn, left = draped.let_go()
+            self.slides_at = draped.limit(drawn)
+            # the experiment's rope begins at its light end, ours at the hand
+            there = trajectory(scenario, [left], n_frames, [drawn])
+            (positions,), (directors,) = there.positions, there.directors
+            return Trajectory(there.times, (positions[:, ::-1],), (directors[:, ::-1],))
         nodes, normal = rod.nodes(4 * n_elements), rod.directors(4 * n_elements)
         start = clamp(nodes[0], nodes[1] - nodes[0], normal[0])
         end = clamp(nodes[-1], nodes[-1] - nodes[-2], normal[-1])
@@ -115,14 +138,110 @@ class Statics:
         return trajectory(scenario, [found], n_frames)
 
 
-def trajectory(scenario: Scenario, found: list[Equilibrium], n_frames: int) -> Trajectory:
-    """Rods that rest."""
-    every, x = (n_frames, 1, 1), [1.0, 0.0, 0.0]
+def trajectory(
+    scenario: Scenario, found: list[Equilibrium], n_frames: int, first: list[Equilibrium] | None = None
+) -> Trajectory:
+    """Rods that rest; in the first frame they are elsewhere if `first` is given."""
+    frames = [first or found, *[found] * (n_frames - 1)]
+    each, x = range(len(found)), [1.0, 0.0, 0.0]
     return Trajectory(
         np.linspace(0.0, scenario.duration, n_frames),
-        tuple(np.tile(one.points[::2], every) for one in found),
-        tuple(np.tile(Rotation.from_quat(one.orientations[1::2]).apply(x), every) for one in found),
+        tuple(np.stack([frame[k].points[::2] for frame in frames]) for k in each),
+        tuple(
+            np.stack([Rotation.from_quat(frame[k].orientations[1::2]).apply(x) for frame in frames])
+            for k in each
+        ),
     )
+
+
+class Draped:
+    """A rope over a rough cylinder, whose light end is free, while a hand holds the heavy one.
+
+    The hand has drawn the rope over the cylinder, against friction, until as much hangs on the light side as
+    asked for. Then it gives way until it bears nothing: no force, and a clamp at a rope that hangs straight
+    has no other. The rope does not stretch: ours does not where a free end goes with rough obstacles.
+    """
+
+    def __init__(self, scenario: Scenario, points: int) -> None:
+        (rod,), (cylinder,) = scenario.rods, scenario.obstacles
+        assert isinstance(cylinder, Cylinder)
+        self.wrap, self.friction = cylinder.radius + rod.radius, cylinder.friction
+        self.weight = SCALE * rod.material.density * rod.area * float(np.linalg.norm(scenario.gravity))
+        self.length, self.light = rod.length, -rod.centerline[0][2]
+        heavy = {k: SCALE * v for k, v in vars(rod.material).items()}
+        rope = cable(replace(rod, material=Material(**heavy))) | {"outer_diameter": 2.0 * rod.radius}
+        rope["start"] = {"link": "hand"} | clamp(np.zeros(3), -np.eye(3)[0], np.eye(3)[1])
+        axis = 0.5 * cylinder.length * np.array(cylinder.axis)
+        drum = {"start": (-axis).tolist(), "end": axis.tolist(), "radius": cylinder.radius}
+        scene = {
+            "gravity": [float(v) for v in scenario.gravity], "robot": {"urdf": "hand.urdf"},
+            "obstacles": [{"name": "cylinder", "cylinder": drum, "friction": cylinder.friction}],
+            "cables": [rope | {"end": {"kind": "free"}}],
+        }  # fmt: skip
+        joints = (
+            ("turn", "revolute", "0 1 0"),
+            ("rise", "prismatic", "0 0 1"),
+            ("reach", "prismatic", "1 0 0"),
+        )
+        links = ("world", "turned", "risen", "hand")
+        urdf = "".join(f'<link name="{link}"/>' for link in links) + "".join(
+            f'<joint name="{name}" type="{kind}"><parent link="{links[k]}"/><child link="{links[k + 1]}"/>'
+            f'<axis xyz="{axis}"/><limit lower="-10" upper="10" effort="1" velocity="1"/></joint>'
+            for k, (name, kind, axis) in enumerate(joints)
+        )
+        loaded = load_scene(scene, urdf=f'<robot name="hand">{urdf}</robot>')
+        self.tracker = Tracker(loaded, ROPE_TOLERANCE, points)
+
+    def at(self, turn: float, reach: float) -> Equilibrium:
+        """With the hand turned about the cylinder from its top, and reaching on from there by so many m."""
+        rise = self.wrap + ABOVE * max(0.0, 1.0 - 5.0 * reach)
+        found = self.tracker.arrive({"turn": turn, "rise": rise, "reach": reach})["rod"]
+        # a pose that is not met to the tolerance is passed by: the branch goes on
+        if found.status not in (Status.CONVERGED, Status.NOT_CONVERGED):
+            raise RuntimeError(found.message)
+        return found
+
+    def pull(self, found: Equilibrium) -> float:
+        """Of the rope on the hand, upward, as a length of rope that weighs as much, m."""
+        return float(found.start_wrench[2]) / self.weight
+
+    def drawn(self) -> tuple[Equilibrium, float]:
+        """As it slides, with what is to hang on the light side, and how far the hand reaches then.
+
+        Raises:
+            RuntimeError: it slides by itself before.
+        """
+        for turn in np.arange(0.0, 0.5 * np.pi, TURN):
+            self.at(float(turn), 0.0)
+        end, reach = self.length - np.pi * self.wrap - self.light, 0.0
+        pull = math.inf
+        while reach < end:
+            # near the end the pull falls by several times what the hand goes on
+            reach = min(reach + min(LOWER, 0.1 * pull), end)
+            found = self.at(0.5 * np.pi, reach)
+            pull = self.pull(found) if found.status is Status.CONVERGED else pull
+            if pull < BARELY * self.length:
+                hangs = -found.points[-1, 2]
+                raise RuntimeError(f"It slides off by itself where {reach:.4f} m hang beside {hangs:.4f} m.")
+        return found, reach
+
+    def let_go(self) -> tuple[Equilibrium, Equilibrium]:
+        """As it slides, and as it hangs when the hand bears nothing."""
+        drawn, reach = self.drawn()
+        before, up = self.pull(drawn), 1e-6 * self.length
+        while abs(before) > NOTHING * self.length:
+            reach -= up
+            found = self.at(0.5 * np.pi, reach)
+            if found.status is not Status.CONVERGED:
+                raise RuntimeError(found.message)
+            now = self.pull(found)
+            up, before = now * up / (before - now), now
+        return drawn, found
+
+    def limit(self, found: Equilibrium) -> float:
+        """Overhang at which it slides, over the reference's for as much on the light side."""
+        heavy, light = -found.points[[0, -1], 2]
+        return float(heavy + self.pull(found)) / capstan.holding_overhang(self.friction, float(light))
 
 
 def crossed(scenario: Scenario, points: int) -> list[Equilibrium]:
@@ -257,6 +376,8 @@ def others(names: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
             told = [
                 f"{key} {value:.1e}" for key, value in result.metrics.items() if key != "settling_residual"
             ]
+            if isinstance(solver, Statics) and module is capstan:
+                told.append(f"slides at {solver.slides_at:.3f} of the reference's overhang")
             scenario = crossing.build(1e6, DROP) if module is crossing else experiment.scenario
             error = rod_error(experiment.name, scenario, result.trajectory)
             yield _row(name, solver.name, ", ".join(told), result.wall_time, error)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -68,7 +69,26 @@ def test_greenhills_twist_is_where_the_margin_is_zero(bench: ModuleType, tension
     assert bench.critical_twist(tension) == pytest.approx(1.0, abs=1e-4)  # extrapolated by a cubic
 
 
-def test_what_is_not_there_is_told(bench: ModuleType) -> None:
-    result = run(capstan.capstan, bench.Statics())
-    assert result.trajectory is None
-    assert result.missing
+def test_a_rope_over_a_cylinder_is_held_up_to_the_capstans_overhang(bench: ModuleType) -> None:
+    scenario, solver = capstan.build(0.8, 0.1), bench.Statics()
+    found = solver.run(scenario, n_elements=100, n_frames=2)
+    assert capstan.slide(scenario, found) < 1e-5
+    # the other way, too
+    light = found.positions[0][:, 0, 2]
+    assert light[-1] == pytest.approx(light[0], abs=1e-5)
+    assert light[0] == pytest.approx(-capstan.SHORT_SIDE, abs=1e-3)
+    # bending takes 0.3 % off
+    assert solver.slides_at == pytest.approx(0.997, abs=3e-3)
+
+
+def test_a_rope_that_friction_cannot_hold_slides_off(bench: ModuleType) -> None:
+    with pytest.raises(RuntimeError, match="slides off by itself"):
+        bench.Statics().run(capstan.build(1.1, 0.1), n_elements=100, n_frames=2)
+
+
+def test_ends_that_move_are_not_there(bench: ModuleType) -> None:
+    scenario = cantilever.cantilever.scenario
+    (rod,) = scenario.rods
+    moved = replace(scenario, rods=(replace(rod, start_motion=object()),))
+    with pytest.raises(NotImplementedError, match="ends that move"):
+        bench.Statics().run(moved, n_elements=10, n_frames=2)
