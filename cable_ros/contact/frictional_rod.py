@@ -112,7 +112,7 @@ class FrictionalRod(FixedSetRod):
 
     def path_error(self, F: np.ndarray) -> float:
         error = self.followed.error
-        return error / max(float(np.linalg.norm(F)), self.least) if error else 0.0
+        return error / max(float(np.linalg.norm(F)), self.least, 1e-3) if error else 0.0
 
     def _set_bedding(self, distance: float, F: np.ndarray) -> None:
         """Let what sticks along a patch yield in proportion to a short step, by its length, L.
