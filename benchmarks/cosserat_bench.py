@@ -117,10 +117,11 @@ class Statics:
             draped = Draped(scenario, 2 * n_elements + 1)
             drawn, left = draped.let_go()
             self.slides_at = draped.limit(drawn)
+            there, before = trajectory(scenario, [left], n_frames), trajectory(scenario, [drawn], 1)
+            for rods, first in ((there.positions, before.positions), (there.directors, before.directors)):
+                rods[0][0] = first[0][0]
             # the experiment's rope begins at its light end, ours at the hand
-            there = trajectory(scenario, [left], n_frames, [drawn])
-            (positions,), (directors,) = there.positions, there.directors
-            return Trajectory(there.times, (positions[:, ::-1],), (directors[:, ::-1],))
+            return Trajectory(there.times, (there.positions[0][:, ::-1],), (there.directors[0][:, ::-1],))
         nodes, normal = rod.nodes(4 * n_elements), rod.directors(4 * n_elements)
         start = clamp(nodes[0], nodes[1] - nodes[0], normal[0])
         end = clamp(nodes[-1], nodes[-1] - nodes[-2], normal[-1])
@@ -138,19 +139,24 @@ class Statics:
         return trajectory(scenario, [found], n_frames)
 
 
-def trajectory(
-    scenario: Scenario, found: list[Equilibrium], n_frames: int, first: list[Equilibrium] | None = None
-) -> Trajectory:
-    """Rods that rest; in the first frame they are elsewhere if `first` is given."""
-    frames = [first or found, *[found] * (n_frames - 1)]
-    each, x = range(len(found)), [1.0, 0.0, 0.0]
+def trajectory(scenario: Scenario, found: list[Equilibrium], n_frames: int) -> Trajectory:
+    """Rods that rest."""
+    every, x = (n_frames, 1, 1), [1.0, 0.0, 0.0]
     return Trajectory(
         np.linspace(0.0, scenario.duration, n_frames),
-        tuple(np.stack([frame[k].points[::2] for frame in frames]) for k in each),
-        tuple(
-            np.stack([Rotation.from_quat(frame[k].orientations[1::2]).apply(x) for frame in frames])
-            for k in each
-        ),
+        tuple(np.tile(one.points[::2], every) for one in found),
+        tuple(np.tile(Rotation.from_quat(one.orientations[1::2]).apply(x), every) for one in found),
+    )
+
+
+def jointed(name: str, kind: str, parent: str, at: np.ndarray, axis: np.ndarray) -> str:
+    """URDF of a link with the joint of the same name that carries it at a place of its parent."""
+    place, along = (" ".join(repr(float(v)) for v in vector) for vector in (at, axis))
+    return (
+        f'<link name="{name}"/>'
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
+        f'<origin xyz="{place}"/><axis xyz="{along}"/>'
+        '<limit lower="-10" upper="10" effort="1" velocity="1"/></joint>'
     )
 
 
@@ -170,7 +176,7 @@ class Draped:
         self.length, self.light = rod.length, -rod.centerline[0][2]
         heavy = {k: SCALE * v for k, v in vars(rod.material).items()}
         rope = cable(replace(rod, material=Material(**heavy))) | {"outer_diameter": 2.0 * rod.radius}
-        rope["start"] = {"link": "hand"} | clamp(np.zeros(3), -np.eye(3)[0], np.eye(3)[1])
+        rope["start"] = {"link": "reach"} | clamp(np.zeros(3), -np.eye(3)[0], np.eye(3)[1])
         axis = 0.5 * cylinder.length * np.array(cylinder.axis)
         drum = {"start": (-axis).tolist(), "end": axis.tolist(), "radius": cylinder.radius}
         scene = {
@@ -178,19 +184,13 @@ class Draped:
             "obstacles": [{"name": "cylinder", "cylinder": drum, "friction": cylinder.friction}],
             "cables": [rope | {"end": {"kind": "free"}}],
         }  # fmt: skip
-        joints = (
-            ("turn", "revolute", "0 1 0"),
-            ("rise", "prismatic", "0 0 1"),
-            ("reach", "prismatic", "1 0 0"),
-        )
-        links = ("world", "turned", "risen", "hand")
-        urdf = "".join(f'<link name="{link}"/>' for link in links) + "".join(
-            f'<joint name="{name}" type="{kind}"><parent link="{links[k]}"/><child link="{links[k + 1]}"/>'
-            f'<axis xyz="{axis}"/><limit lower="-10" upper="10" effort="1" velocity="1"/></joint>'
-            for k, (name, kind, axis) in enumerate(joints)
-        )
-        loaded = load_scene(scene, urdf=f'<robot name="hand">{urdf}</robot>')
-        self.tracker = Tracker(loaded, ROPE_TOLERANCE, points)
+        at, (x, y, z) = np.zeros(3), np.eye(3)
+        urdf = (
+            '<robot name="hand"><link name="world"/>' + jointed("turn", "revolute", "world", at, y)
+            + jointed("rise", "prismatic", "turn", at, z) + jointed("reach", "prismatic", "rise", at, x)
+            + "</robot>"
+        )  # fmt: skip
+        self.tracker = Tracker(load_scene(scene, urdf=urdf), ROPE_TOLERANCE, points)
 
     def at(self, turn: float, reach: float) -> Equilibrium:
         """With the hand turned about the cylinder from its top, and reaching on from there by so many m."""
@@ -249,18 +249,8 @@ def crossed(scenario: Scenario, points: int) -> list[Equilibrium]:
 
     Pins do not go with cables that touch: Newton's method turns the joints by their exact stiffness.
     """
-    links, joints, cables = ['<link name="world"/>'], [], []
-
-    def add(name: str, kind: str, parent: str, at: np.ndarray, axis: np.ndarray) -> None:
-        links.append(f'<link name="{name}"/>')
-        place, along = (" ".join(repr(float(v)) for v in vector) for vector in (at, axis))
-        joints.append(
-            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
-            f'<origin xyz="{place}"/><axis xyz="{along}"/>'
-            '<limit lower="-10" upper="10" effort="1" velocity="1"/></joint>'
-        )
-
-    add("lift", "prismatic", "world", np.zeros(3), np.eye(3)[2])
+    lift, cables = jointed("lift", "prismatic", "world", np.zeros(3), np.eye(3)[2]), []
+    links = ['<link name="world"/>', lift]
     for rod, parent in zip(scenario.rods, ("world", "lift"), strict=True):
         nodes, normal = rod.nodes(200), np.array(rod.normal)
         own = cable(rod) | {"name": parent, "outer_diameter": 2.0 * rod.radius}
@@ -268,14 +258,14 @@ def crossed(scenario: Scenario, points: int) -> list[Equilibrium]:
         for end, point, tangent in (
             ("start", nodes[0], nodes[1] - nodes[0]), ("end", nodes[-1], nodes[-1] - nodes[-2])
         ):  # fmt: skip
-            add(f"{parent}_{end}", "revolute", parent, point, normal)
+            links.append(jointed(f"{parent}_{end}", "revolute", parent, point, normal))
             own[end] = {"link": f"{parent}_{end}"} | clamp(np.zeros(3), tangent, normal)
         cables.append(own)
     scene = {
         "gravity": list(scenario.gravity), "robot": {"urdf": "pins.urdf"},
         "cable_contact": True, "cables": cables,
     }  # fmt: skip
-    urdf = f'<robot name="pins">{"".join(links + joints)}</robot>'
+    urdf = f'<robot name="pins">{"".join(links)}</robot>'
     tracker = Tracker(load_scene(scene, urdf=urdf), TOLERANCE, points)
     at = dict.fromkeys(tracker.joint_names, 0.0)
     pins = [k for k, name in enumerate(tracker.joint_names) if name != "lift"]
