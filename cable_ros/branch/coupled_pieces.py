@@ -192,7 +192,8 @@ class CoupledPieces(Released):
         at, step = 0.0, min(longest, self._stride / distance) if distance else 1.0
         while at < 1.0:
             if steps >= MOST_STEPS or (self.rubs and self._worked > MOST_WORK):
-                self._stride = step * distance if distance else self._stride
+                if distance:
+                    self._stride = step * distance
                 return steps, told
             target = min(1.0, at + step)
             there = joints if target == 1.0 else origin + target * (joints - origin)

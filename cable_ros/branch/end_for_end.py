@@ -42,7 +42,7 @@ def end_for_end(one: Found, symmetry: Symmetry) -> Found | None:
     weight = np.linalg.norm(image @ rod.f - rod.f) / max(float(np.linalg.norm(rod.f)), 1.0)
     if max(askew, weight) > SAME:
         return None
-    F = -image @ (one.F + rod.f + rod.contact_force())
+    F = -image @ rod.start_force(one.F)
     found = corrected(_other_way_round(rod, one.q, image), q, F)
     alike = found is not None and np.linalg.norm(found.F - F) < ALIKE * np.linalg.norm(F)
     return found if alike else None

@@ -80,7 +80,7 @@ def nodal(rod: Rod, q: np.ndarray, F: np.ndarray, always: bool = False) -> Nodal
         return None
     points = rod.points[: rod.count]
     forces = points[:, FORCE, None] * rod.normals[: rod.count] + points[:, FRICTION : FRICTION + 3]
-    force = max(np.linalg.norm(F), np.linalg.norm(F + rod.f + rod.contact_force()))
+    force = max(np.linalg.norm(F), np.linalg.norm(rod.start_force(F)))
     count = max(point_count(float(force)), int(min(CELLS / _longest_span(points), MOST)))
     rod.refactor(q, F)
     arc_lengths, which = points[:, ARC_LENGTH], points[:, OBSTACLE].astype(int)

@@ -121,7 +121,7 @@ class LoosePiece(SharedPiece):
         """That at the start if the end is free, whose force is given."""
         if not self._ends_free or self._rod is None:
             return super()._path_force
-        return self._F + self._rod.f + self._rod.contact_force()
+        return self._rod.start_force(self._F)
 
     @property
     def _load(self) -> float:

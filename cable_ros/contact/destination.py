@@ -8,6 +8,7 @@ import numpy as np
 from cable_ros.compilation import njit
 from cable_ros.contact.distance import AXES, CENTRE, gap, place_obstacles
 from cable_ros.contact.travel import travel
+from cable_ros.linalg.vectors import cross
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import tangent
 from cable_ros.rod.units import relative_conditions
@@ -32,20 +33,18 @@ def rest_clamps(obstacles, qe, re):  # type: ignore[no-untyped-def]
         The least gap at the clamps, L.
     """
     r, n, directions, bends = np.zeros(3), np.empty(3), np.empty((2, 3)), np.empty(2)
-    w, t = np.empty(3), np.array([0.0, 0.0, 1.0])
+    t = np.array([0.0, 0.0, 1.0])
     least = np.inf
     for o in range(obstacles.shape[0]):
         room = gap(obstacles[o], r, n, directions, bends)
         least = min(least, room)
         if abs(room) < RESTS:
-            _tilt(t, n, 1.0, w)
+            w = _tilt(t, n, 1.0)
             for first, spacing in ((CENTRE, 1), (AXES, 3), (AXES + 1, 3), (AXES + 2, 3)):
                 v = obstacles[o, first : first + 2 * spacing + 1 : spacing]
-                v[0], v[1], v[2] = (
-                    v[0] + w[1] * v[2] - w[2] * v[1],
-                    v[1] + w[2] * v[0] - w[0] * v[2],
-                    v[2] + w[0] * v[1] - w[1] * v[0],
-                )
+                turned = cross(w, v)
+                for a in range(3):
+                    v[a] += turned[a]
             for a in range(3):
                 obstacles[o, CENTRE + a] += room * n[a]
     for o in range(obstacles.shape[0]):
@@ -53,7 +52,7 @@ def rest_clamps(obstacles, qe, re):  # type: ignore[no-untyped-def]
         least = min(least, room)
         if abs(room) < RESTS:
             tangent(qe, t)
-            _tilt(t, n, -1.0, w)
+            w = _tilt(t, n, -1.0)
             turn = quaternion.product((0.0, 0.5 * w[0], 0.5 * w[1], 0.5 * w[2]), qe)
             for a in range(4):
                 qe[a] += turn[a]
@@ -63,16 +62,15 @@ def rest_clamps(obstacles, qe, re):  # type: ignore[no-untyped-def]
 
 
 @njit(**OPTIONS)
-def _tilt(t, n, sign, out):  # type: ignore[no-untyped-def]
-    """Rotation vector, out (3,), that makes the normal n, or with sign -1 the tangent t, square to the other.
+def _tilt(t, n, sign):  # type: ignore[no-untyped-def]
+    """Rotation vector, a tuple, that makes the normal n, or with sign -1 the tangent t, square to the other.
 
     It is zero where that takes more than `RESTS`.
     """
     along = t[0] * n[0] + t[1] * n[1] + t[2] * n[2]
     share = sign * along if abs(along) < RESTS else 0.0
-    out[0] = share * (t[1] * n[2] - t[2] * n[1])
-    out[1] = share * (t[2] * n[0] - t[0] * n[2])
-    out[2] = share * (t[0] * n[1] - t[1] * n[0])
+    x, y, z = cross(t, n)
+    return share * x, share * y, share * z
 
 
 @njit(**OPTIONS)

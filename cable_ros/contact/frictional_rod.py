@@ -107,7 +107,7 @@ class FrictionalRod(FixedSetRod):
         """Add a step of `distance`, L, to the `PathError`, in which the end force changed by (3,)."""
         if self.model != COULOMB or not self.frictional:
             self.followed = NONE
-        elif distance > 0.0 and self.lies and not self.creeps:
+        elif self.lies and not self.creeps:
             self.followed = self.followed.after_step(distance, change)
 
     def path_error(self, F: np.ndarray) -> float:

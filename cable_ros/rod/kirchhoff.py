@@ -130,6 +130,10 @@ class Rod(WithoutContact):
         """Moment of the end clamp (3,), EI / L: it tells apart equilibria of equal energy and twist."""
         return self.g[-1]
 
+    def start_force(self, F: np.ndarray) -> np.ndarray:
+        """(3,): force in the rod at its start, beside the end force F (3,)."""
+        return F + self.f + self.contact_force()
+
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
         """(m,) which elements are too long for contact, see `ConstrainedRod`."""
         return np.zeros(len(self.h), bool)
