@@ -27,7 +27,7 @@ import numpy as np
 from cable_ros.contact.dead_loads import BESIDE, LOADS, DeadLoads
 from cable_ros.contact.response_kernels import columns, displacements, solve_inner, surfaces
 from cable_ros.contact.stretched import elongations, reaches
-from cable_ros.linalg.cross import cross_matrix
+from cable_ros.linalg.cross import cross, cross_matrix
 from cable_ros.rod import quaternion
 
 FAINT = 1e-9
@@ -192,7 +192,7 @@ def wrench_response(
     c[at] = (
         np.einsum("ia,iak->ik", slope, relative[i])
         + np.einsum("ia,iak->ik", normals[i], turn[i][:, :, clamps] @ x_clamps)
-        + np.einsum("ia,iak->ik", np.cross(normals[i], t[i]), spin[i])
+        + np.einsum("ia,iak->ik", cross(normals[i], t[i]), spin[i])
     )
     # where the cable lifts off, the gap's curvature is zero
     curvature = np.einsum("ia,ia->i", normals[i], dt[i]) + np.einsum("ia,ia->i", slope, t[i])
@@ -217,7 +217,7 @@ def wrench_response(
         D[at, at] = contacts.give[i]
         forces[i, :, at] = basis[:, k]
 
-    explicit = np.cross(spin, P[:, :, None], axisa=1, axisb=1, axisc=1)  # turned with the obstacle
+    explicit = -_crossed(P) @ spin  # turned with the obstacle
     i = np.flatnonzero(mobile)
     if len(i):
         motions_of = Motions(normals, t, dt, turn, lean, ds, spin, x_clamps)
@@ -266,7 +266,7 @@ def wrench_response(
     out[9:12] = moments[n - 3 :] + 0.5 * cross_matrix(g[-1]) @ x_clamps[3:]
     if loads is not None:
         dP[loads.points] -= loads.forces(motions)
-    dM = np.cross(dr, P[:, :, None], axis=1) + np.cross(r[:, :, None], dP, axis=1)
+    dM = _crossed(r) @ dP - _crossed(P) @ dr
     for k, which in enumerate(moving):
         on, first = contacts.obstacles == which, 12 + 6 * k
         out[first : first + 3] = dP[on].sum(axis=0)
@@ -338,7 +338,7 @@ def _mobilised(
     normals, t, dt, turn, lean, ds, spin, x_clamps = motions
     n = turn.shape[2]
     friction, size = contacts.friction[i], np.linalg.norm(contacts.friction[i], axis=1)
-    side = np.cross(t[i], normals[i])
+    side = cross(t[i], normals[i])
     sine = np.einsum("ia,ia->i", side, friction) / size
     unit = friction / size[:, None]
     project = (size / sine)[:, None, None] * (np.eye(3) - unit[:, :, None] * unit[:, None, :])
@@ -347,7 +347,7 @@ def _mobilised(
     clamps = np.r_[0:3, n - 3 : n]
     answer = by_tangent @ turn[i]
     answer_c = answer[:, :, clamps] @ x_clamps
-    turned = np.cross(spin[i], normals[i][:, :, None], axis=1)
+    turned = -_crossed(normals[i]) @ spin[i]
     answer_c += by_normal @ turned
     answer_y = by_normal @ lean[i] + (by_tangent @ dt[i][:, :, None]) * ds[i][:, None, :]
     for a in range(3):
@@ -361,12 +361,12 @@ def _mobilised(
 
 def _crossed(v: np.ndarray) -> np.ndarray:
     """(m, 3, 3) of the rows of v (m, 3); see `cross_matrix`."""
-    return np.cross(v[:, None, :], np.eye(3)).transpose(0, 2, 1)
+    return cross(v[:, None, :], np.eye(3)).transpose(0, 2, 1)
 
 
 def _across(n: np.ndarray) -> np.ndarray:
     """(m, 2, 3) unit vectors across the unit vectors n (m, 3) and each other."""
     axis = np.eye(3)[np.abs(n).argmin(axis=1)]
-    first = np.cross(n, axis)
+    first = cross(n, axis)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(n, first)], axis=1)
+    return np.stack([first, cross(n, first)], axis=1)
