@@ -17,7 +17,7 @@ from test_touching_ends import DIAMETER, FREE, GROUND, among, wrenches
 from zoo_supports import Case
 
 from cable_ros import Tracker
-from cable_ros.branch import coupled_pieces
+from cable_ros.branch import followed_pieces
 from cable_ros.branch.coupled_pieces import CoupledPieces
 from cable_ros.branch.grip import friction_force, landed
 from cable_ros.contact.distance import BOX, WIDTH
@@ -120,7 +120,7 @@ def test_a_call_that_ends_with_nothing_left_of_the_way_does_not_stop_the_next_on
     case = led("lies, drawn")
     tracker = case.tracker(1e-4)
     tracker.arrive(case.joints(0.0))
-    monkeypatch.setattr(coupled_pieces, "MOST_STEPS", 1)
+    monkeypatch.setattr(followed_pieces, "MOST_STEPS", 1)
     calls = [tracker.solve(case.joints(0.05))["c"].status for _ in range(10)]
     assert {calls[0], calls[-1]} == {Status.UNFINISHED, Status.CONVERGED}
     monkeypatch.undo()

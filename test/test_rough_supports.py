@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -277,29 +276,6 @@ def test_a_piece_that_lies_beside_a_pin_is_a_plain_cable_that_is_led_as_the_pin_
     found, alone = beside_a_pin(lying("pin"), about(40))
     theirs = starts(found)
     np.testing.assert_allclose(starts(alone), theirs, atol=0.01 * np.abs(theirs).max())
-
-
-def test_a_fall_that_forgets_friction_says_so():
-    """Drawn across until it snaps from one side of the pin to the other."""
-    scene = bent("pin", friction=0.3)
-    scene["cables"][0]["supports"][0]["pin"]["position"] = [0.55, 0.0, 0.12]
-    scene["cables"][0]["start"]["orientation"] = scene["cables"][0]["end"]["orientation"] = (
-        Rotation.from_euler("y", np.pi / 2).as_quat().tolist()
-    )
-    scene["cables"][0]["end"]["position"] = [1.05, 0.0, 0.15]
-    seen = []
-    for friction in (0.0, 0.3):
-        scene["obstacles"][0]["friction"] = friction
-        tracker = Tracker(load_scene(copy.deepcopy(scene), urdf=URDF), joint_limits="ignore")
-        for k in range(9):
-            found = arrived(tracker, x=0.05 * np.sin(np.pi * k / 8), y=0.1 * (1 - abs(k / 8 - 1)))
-        seen.append(found.status)
-        if friction:
-            assert "friction of its contacts was forgotten" in found.message
-            assert "until reset is called" in found.message
-            tracker.reset()
-            assert arrived(tracker, y=0.02).status is Status.CONVERGED
-    assert seen == [Status.SNAPPED, Status.BRANCH_LOST]
 
 
 def test_mobilised_friction_and_rings_are_refused_together():

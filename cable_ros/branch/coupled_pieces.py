@@ -14,51 +14,35 @@ import numpy as np
 
 from cable_ros.branch.approach import FAR, Away
 from cable_ros.branch.cable_tracker import CableTracker
-from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupled_tangent import Whole
 from cable_ros.branch.crossing_cable import CrossingCable
-from cable_ros.branch.followed_equilibrium import POSE_LEFT_OUT, largest_difference
+from cable_ros.branch.followed_equilibrium import POSE_LEFT_OUT
+from cable_ros.branch.followed_pieces import FollowedPieces
 from cable_ros.branch.landing import with_tip
 from cable_ros.branch.loose_ends import LooseEnd, loose_ends
 from cable_ros.branch.loose_piece import LoosePiece
-from cable_ros.branch.prediction import predicted
-from cable_ros.branch.released import Released
 from cable_ros.branch.rubbing_cable import RubbingCable
 from cable_ros.branch.shared_piece import Place, SharedPiece
 from cable_ros.branch.snap_through import FREE_TO_TURN
 from cable_ros.branch.tracked_equilibrium import FREE
 from cable_ros.equilibrium import Equilibrium, Status
-from cable_ros.rod import quaternion
 from cable_ros.scene import Cable, Kinematics, Scene
 
-LONGEST = 0.2
-"""Maximum step in joint values, rad or m, that is taken at once."""
-SHORTEST = 1e-4
-"""Minimum step, rad or m; if even that fails, the cable snaps."""
-STEEP = 1e-6
-"""The same while a cable stands on its end all but straight: the end goes aside as the root of the step."""
-MOST_STEPS, MOST_WORK = 60, 300_000
-"""Maximum number of steps of one solve; with friction of obstacles also maximum work, iterations times
-unknowns, after which no further one begins: about 0.6 s."""
 APPROACHES = 3
 """Maximum number of solves' steps in which obstacles come to a cable that hangs."""
 PATIENCE = 2
 """Number of poses in a row that it cannot be followed to, before an equilibrium is searched for again."""
-BEYOND = (1.0, 10.0, 100.0)
-"""Steps of `SHORTEST` along the path at which a snap-through is tried."""
 OUT_OF_BALANCE = "The equations of an end that is not clamped could not be solved to the tolerance."
-JUMP = 0.05
-"""Minimum rotation of a section in a support, rad, that shows another branch."""
 
 
-class CoupledPieces(Released):
+class CoupledPieces(FollowedPieces):
     """Keeps the pieces of one run on their common branch."""
 
     def reset(self) -> None:
         super().reset()
         self._waiting: list[np.ndarray] = []
+        self._snapped: str = ""  # a sentence, if it did so on the way that has not arrived yet
         self._failures: int = 0
-        self._stride = LONGEST  # step in joint values that it goes on with, rad or m
         self._lost: str = ""
 
     def held(self, kinematics: Kinematics, joints: np.ndarray) -> np.ndarray:
@@ -105,12 +89,12 @@ class CoupledPieces(Released):
                 self.pieces[0].distrust(self._lost)
             return self._publish(kinematics, joints, mounts, "", begin, share)
         route = [*self._waiting, joints] if self._rough or self.may_rub else [joints]
-        self._waiting, steps, snapped = [], 0, ""
+        self._waiting, steps = [], 0
         for piece in self.pieces:
             piece.worked = 0.0
         for k, there in enumerate(route):
             steps, told = self._follow(kinematics, there, steps)
-            snapped = snapped or (told or "")
+            self._snapped = self._snapped or (told or "")
             if told is None:
                 self._failures += 1
                 if self.rubbing:
@@ -120,7 +104,7 @@ class CoupledPieces(Released):
             if not (self._joints is there or np.array_equal(self._joints, there)):
                 self._waiting = route[k:]
                 return self._failed(Status.UNFINISHED, Status.UNFINISHED.sentence, begin)
-        self._failures = 0
+        self._failures, snapped, self._snapped = 0, self._snapped, ""
         return self._publish(kinematics, joints, mounts, snapped, begin, share)
 
     def _search(
@@ -179,127 +163,6 @@ class CoupledPieces(Released):
                 )
                 return f"The {way} is {more} the cable there ({length:g} m).", a
         return None
-
-    def _follow(self, kinematics: Kinematics, joints: np.ndarray, steps: int) -> tuple[int, str | None]:
-        """Continue the branch straight to `joints`, as far as the steps last.
-
-        Returns the number of steps, and a sentence if it snapped on the way; None: it was lost.
-        """
-        told = ""
-        origin = self._joints
-        distance = largest_difference(joints, origin)
-        longest = LONGEST / max(distance, LONGEST)
-        at, step = 0.0, min(longest, self._stride / distance) if distance else 1.0
-        while at < 1.0:
-            if steps >= MOST_STEPS or (self.rubs and self._worked > MOST_WORK):
-                if distance:
-                    self._stride = step * distance
-                return steps, told
-            target = min(1.0, at + step)
-            there = joints if target == 1.0 else origin + target * (joints - origin)
-            mounts = kinematics.poses(there)[self.which]
-            steps += 1
-            assert self.state is not None
-            found = self._balanced(kinematics, there, mounts)
-            distance_here = (target - at) * distance
-            hasty = any(piece.hasty for piece in self.pieces)
-            if found is not None and hasty and 0.5 * distance_here >= SHORTEST:
-                found = None
-            if found is not None and not self._stable(kinematics, there, mounts, found):
-                found = None
-            if found is not None:
-                for piece in self.pieces:
-                    piece.arrive()
-                self._accept(there, found)
-                at, step = target, min(2.0 * step, longest)
-                continue
-            self._return()
-            self._faces = [tip.touch for tip in self.state.tips]
-            step = 0.5 * (target - at)
-            if step * distance < (STEEP if self._stands else SHORTEST):
-                rubbed = self.rubbing
-                before, shape = self._energy(kinematics.poses(self._joints)[self.which]), self.state
-                for reach in BEYOND:  # next to a fold nothing is exact
-                    target = min(1.0, at + reach * step)
-                    there = origin + target * (joints - origin)
-                    mounts = kinematics.poses(there)[self.which]
-                    if self._snap(kinematics, there, mounts):
-                        break
-                    self.state = shape
-                    self._return()
-                else:
-                    return steps, None
-                at, step = target, longest
-                if rubbed or self.rubbing:
-                    self.pieces[0].distrust("it snapped, and the friction of its contacts was forgotten")
-                if np.abs(shape.step_to(self.state)[~self._lengths]).max() < JUMP:
-                    continue  # it goes on, steeply
-                after = self._energy(mounts)
-                told = (
-                    f"{Status.SNAPPED.sentence[:-1]} (energy {before:.4g} -> {after:.4g} J at"
-                    f" {100.0 * target:.4g} % of the step)."
-                )
-        self._stride = LONGEST
-        if not distance:
-            self._joints = joints
-        return steps, told
-
-    def _balanced(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> Shared | None:
-        """The equilibrium at the end of a step, from several guesses in turn; None: it is found from none."""
-        assert self.state is not None
-        clear = not self.rubbing
-        self._set_clear(clear)
-        guess = self._extrapolated(joints)
-        found = self._newton(kinematics, joints, mounts, guess)
-        if clear and self.may_rub and (found is None or self.rubbing):
-            # what has come to rub does so since the last pose
-            self._set_clear(False)
-            self._return()
-            found = self._newton(kinematics, joints, mounts, guess)
-        if found is None and self.loose:
-            self._return()
-            guess = self._carried(kinematics.poses(self._joints)[self.which], mounts)
-            found = self._newton(kinematics, joints, mounts, guess)
-        if found is None and guess is not self.state:
-            self._return()
-            found = self._newton(kinematics, joints, mounts, self.state)
-        return found
-
-    @property
-    def _worked(self) -> float:
-        """Iterations times unknowns since the solve began."""
-        return sum(piece.worked for piece in self.pieces)
-
-    def _extrapolated(self, joints: np.ndarray) -> Shared:
-        """The state there if it goes on as in the last steps."""
-        assert self.state is not None
-        change = predicted(self._steps, joints - self._joints)
-        if change is None:
-            return self.state
-        change = change + self._missed
-        change[~self._solved] = 0.0
-        return self.state.moved(change)
-
-    def _carried(self, before: np.ndarray, mounts: np.ndarray) -> Shared:
-        """The state to first order after the mounts' motions from `before`, both (n + 1, 2, 7).
-
-        A loose end is to follow them, for a cable that is all but straight has no slack.
-        """
-        state = self.state
-        assert state is not None
-        if not self._renew(before, state):
-            return state
-        assert self._inverse is not None
-        motions = np.empty((len(mounts), 2, 6))
-        for old, new, motion in zip(
-            before.reshape(-1, 7), mounts.reshape(-1, 7), motions.reshape(-1, 6), strict=True
-        ):
-            back = quaternion.conjugate(quaternion.from_ros(old[3:]))
-            motion[:3] = quaternion.rotate(back, new[:3] - old[:3])
-            motion[3:] = quaternion.rotation_vector(quaternion.multiply(back, quaternion.from_ros(new[3:])))
-        step, free = np.zeros(len(self.free)), self._solved
-        step[free] = -self._inverse @ self.tangent(before, state).by_mounts(motions.reshape(-1, 12))[free]
-        return state.moved(step)
 
     def _publish(
         self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, snapped: str, begin: float,

@@ -70,7 +70,7 @@ def descend(problem: Release, state: Shared) -> Shared | None:
                 values, g = np.where(neutral, NEUTRAL * problem.scale[0], values), np.where(neutral, 0.0, g)
             model = values, vectors, g
         values, vectors, g = model
-        y = _step(values, g, radius)
+        y = lowest(values, g, radius)
         if values[0] > 0.0 and np.abs(y).max() < EXACT:
             return state
         expected = -float(g @ y + 0.5 * values @ y**2)
@@ -93,7 +93,7 @@ def descend(problem: Release, state: Shared) -> Shared | None:
     return None
 
 
-def _step(values: np.ndarray, g: np.ndarray, radius: float) -> np.ndarray:
+def lowest(values: np.ndarray, g: np.ndarray, radius: float) -> np.ndarray:
     """Minimum of g.y + 1/2 y.diag(values).y within the radius; `values` rise."""
     if values[0] > 0.0:
         y = -g / values

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cable_ros.branch.balance import HELD, LEAST, Balance
+from cable_ros.branch.balance import HELD, Balance
 from cable_ros.branch.cold_start import Found
 from cable_ros.branch.coupled_state import Shared, first_guess, reachable
 from cable_ros.branch.hanging import ASIDE, plausible
@@ -15,12 +15,16 @@ from cable_ros.branch.landing import BESIDE
 from cable_ros.branch.loose_ends import Surface, Tip
 from cable_ros.branch.release import Release, descend
 from cable_ros.branch.shared_piece import Place
+from cable_ros.branch.viscous_fall import ViscousFall
 from cable_ros.contact.distance import nearest
 from cable_ros.equilibrium import Status
 from cable_ros.scene import Kinematics
 
 SLIDE, MOST_SLIDES = 0.05, 200
 """Step of a cable that friction does not hold, as a fraction of the shortest piece, and their number."""
+CREEP, FOLD, MOST_FALLS = 1e-5, 0.1, 10
+"""Minimum such step; where even that leads nowhere there is a fold, and the cable falls: how far beyond, as a
+fraction of the longest step, and how often at most."""
 WINDING, LEAST_WINDING = 0.25, 1e-3
 """First and smallest step in which a given moment grows, as parts of it."""
 SLIGHT = 1e-3
@@ -35,7 +39,7 @@ ROUGH = 1e-4
 UNRESOLVED = "An equilibrium was found, but not to the tolerance {:g}."
 
 
-class Released(Balance):
+class Released(ViscousFall):
     """A run with the searches for another equilibrium."""
 
     def _start(
@@ -200,8 +204,22 @@ class Released(Balance):
     def _descended(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> Shared | None:
         """The stable equilibrium that a descent from the last one ends at; None: none was found."""
         assert self.state is not None
-        state, kept = self._leant(kinematics, joints, mounts, self.state), self._kept
-        self._inverse, self._judged_at, self._steps = None, None, ()
+        kept, self._steps = self._kept, ()
+        self._slides[:] = 0
+        found = self._fallen(kinematics, joints, mounts, self._leant(kinematics, joints, mounts, self.state))
+        if found is not None:
+            self.state = found
+            found = self._let_slide(kinematics, joints, mounts)
+        if found is None or not self._stable(kinematics, joints, mounts, found):
+            self._kept = kept
+            return None
+        return found
+
+    def _fallen(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, state: Shared
+    ) -> Shared | None:
+        """The minimum of the energy below a state without sliding; None: none was found."""
+        self._inverse = self._judged_at = None
         if self._kept and self._move(kinematics, joints, mounts, state, fall=True, held=True) is None:
             return None
 
@@ -232,59 +250,75 @@ class Released(Balance):
                 return state
             return at
 
-        self._slides[:] = 0
         release = Release(
             move, back, energy, lambda at: self.tangent(mounts, at), self.scale(), lambda: self.free, landed,
             self._turns_freely,
         )  # fmt: skip
         state = self._caught(kinematics, joints, self._faced(kinematics, joints, state), BESIDE)
-        found = descend(release, state)
-        if found is not None:
-            self.state = found
-            found = self._let_slide(kinematics, joints, mounts)
-        if found is None or not self._stable(kinematics, joints, mounts, found):
-            self._kept = kept
-            return None
-        return found
+        return descend(release, state)
 
     def _let_slide(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> Shared | None:
         """Let the cable slide in rings that do not hold it, until friction does; None: it slides too far.
 
         The pieces are at a state without sliding. What exceeds friction moves on in short steps, as a cable
-        that creeps, until Newton's method finds where friction is just enough.
+        that creeps, until Newton's method finds where friction is just enough. At a fold on its way it falls.
         """
-        assert self.state is not None
-        step = longest = SLIDE * min(piece.length for piece in self.pieces)
+        longest, falls = SLIDE * min(piece.length for piece in self.pieces), MOST_FALLS
+        step, way = longest, np.zeros(len(self._guides))
         for _ in range(MOST_SLIDES):
+            assert self.state is not None
             self._slides[:], self._inverse = 0, None
             stuck = self._corrected(kinematics, joints, mounts, self.state)
-            if stuck is None:
-                return None
-            excess, signs = self._excess()
-            over = self._guides & (self._friction > 0.0) & (excess > (1.0 + HELD) * self._friction)
-            if not over.any():
-                return stuck
-            self.state = stuck
-            self._keep()
-            self._slides[over], self._inverse = signs[over], None
-            slid = self._corrected(kinematics, joints, mounts, stuck)
-            if slid is not None and not (over & (signs * (slid.arcs - stuck.arcs) > 0.0)).any():
-                return slid
-            self._return()
-            self._slides[:] = 0
-            while step > LEAST * self.run.length:
-                on = Shared(stuck.turns, stuck.arcs - step * signs * over, stuck.tips)
-                crept = self._corrected(kinematics, joints, mounts, on)
-                if crept is not None:
-                    now, towards = self._excess()
-                    if (over & (now > self._friction) & (towards == signs)).any():
-                        self.state, step = crept, min(2.0 * step, longest)
-                        break
+            if stuck is not None:
+                excess, signs = self._excess()
+                over = self._guides & (self._friction > 0.0) & (excess > (1.0 + HELD) * self._friction)
+                if not over.any():
+                    return stuck
+                self.state, way = stuck, signs * over
+                self._keep()
+                self._slides[over], self._inverse = signs[over], None
+                slid = self._corrected(kinematics, joints, mounts, stuck)
+                if (
+                    slid is not None
+                    and not (way * (slid.arcs - stuck.arcs) > 0.0).any()
+                    and self._stable(kinematics, joints, mounts, slid)
+                ):
+                    return slid
                 self._return()
-                step *= 0.5
-            else:
+                self._slides[:] = 0
+                crept, step = self._crept(kinematics, joints, mounts, way, step)
+                if crept is not None:
+                    self.state, step = crept, min(2.0 * step, longest)
+                    continue
+            if not (way.any() and falls):
                 return None
+            self._return()
+            beyond = self.state._replace(arcs=self.state.arcs - FOLD * longest * way)
+            fallen = self._fallen(kinematics, joints, mounts, beyond)
+            if fallen is None:
+                return None
+            self.state, step, falls = fallen, longest, falls - 1
         return None
+
+    def _crept(
+        self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, way: np.ndarray, step: float
+    ) -> tuple[Shared | None, float]:
+        """What sticks, after at most a `step`, m, on its `way` (n,) through the rings, and that step.
+
+        It still exceeds friction that way; None: it comes to a fold.
+        """
+        assert self.state is not None
+        least = CREEP * min(piece.length for piece in self.pieces)
+        while step > least:
+            on = self.state._replace(arcs=self.state.arcs - step * way)
+            crept = self._corrected(kinematics, joints, mounts, on)
+            if crept is not None:
+                now, towards = self._excess()
+                if ((now > self._friction) & (towards * way > 0.0)).any():
+                    return crept, step
+            self._return()
+            step *= 0.5
+        return None, step
 
     def _energy(self, mounts: np.ndarray, state: Shared | None = None) -> float:
         """Of all pieces, J."""

@@ -15,9 +15,10 @@ from cable_ros.branch.cable_tracker import CableTracker
 from cable_ros.branch.cold_start import Conditions
 from cable_ros.branch.coupling import Ends, Section
 from cable_ros.branch.held_ends import ends_of
+from cable_ros.branch.mirror_image import GRID
 from cable_ros.branch.results import Reader, Tangent, both_wrenches
 from cable_ros.branch.searched_equilibrium import ALGEBRAIC
-from cable_ros.branch.snap_through import snap_through
+from cable_ros.branch.snap_through import pushed, snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, placed
@@ -364,6 +365,11 @@ class SharedPiece(CableTracker):
         return self._rod is not None
 
     @property
+    def shape(self) -> np.ndarray:
+        """(65, 4) frames at `mirror_image.GRID`, in that of its start."""
+        return self.mesh.interpolate(self._q, GRID)
+
+    @property
     def mesh(self) -> Mesh:
         """Of the present equilibrium."""
         assert self._rod is not None
@@ -384,6 +390,25 @@ class SharedPiece(CableTracker):
             self._q, self._F, self._joints, self._begin = found.q, found.F, joints, place.begin
             self._spent += found.iterations
         return found is not None
+
+    def flow(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
+        """Fall at a place nearby as if in a viscous medium, with friction; if not, nothing has moved."""
+        rod = self._rod
+        assert rod is not None
+        if not self.rubs or self.length != place.length:
+            return False
+        qe, re, f, obstacles, far, _ = self._destination(kinematics, joints, place.poses, rod)
+        if not rod.chord(qe, re) < self._reach:
+            return False
+        rod.work = self._full_budget
+        fallen = rod.fall_with_friction(pushed(rod, self._q), self._F, qe, re, f, obstacles)
+        self.worked += self._full_budget - rod.work
+        if fallen is None:
+            return False
+        self._q, self._F, iterations = fallen
+        self._joints, self._begin, self._far, self._turned = joints, place.begin, far, np.inf
+        self._spent += iterations
+        return True
 
     def publish(self, poses: np.ndarray, begin: float) -> Equilibrium:
         """The result of the present equilibrium, on a better mesh if it needs one."""

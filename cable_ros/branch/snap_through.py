@@ -126,7 +126,7 @@ def snap_and_record(
     if found is None:
         return None
     found, forked = by_rule(found, shape, LEANT)
-    jumped = _jumped(shape, rod.mesh.interpolate(found.q, GRID))
+    jumped = has_jumped(shape, rod.mesh.interpolate(found.q, GRID))
     to_fold = 0.0 if crossed else np.inf
     if jumped and not crossed:
         long = max(_length(path, at, at + step), 1e-300)
@@ -173,7 +173,7 @@ def left_on_refining(before: Found, after: Found) -> tuple[Found, SnapThrough] |
     """
     rod = before.rod
     shape = rod.mesh.interpolate(before.q, GRID)
-    if not _jumped(shape, after.rod.mesh.interpolate(after.q, GRID), AWAY):
+    if not has_jumped(shape, after.rod.mesh.interpolate(after.q, GRID), AWAY):
         return None
     if after.rod._softest() < FREE_TO_TURN:
         return None
@@ -208,7 +208,7 @@ def _earlier_margin(
     snapped = snap_through(rod, q, F, path(back))
     if snapped is None:
         return []
-    left = _jumped(shape, rod.mesh.interpolate(snapped.q, GRID), AWAY)
+    left = has_jumped(shape, rod.mesh.interpolate(snapped.q, GRID), AWAY)
     margin = np.nan if left else rod._softest()
     put_back()
     return [] if left else [(back, margin)]
@@ -280,13 +280,12 @@ def fall_with_friction(
     energy, twist = rod.linearize(q, F)[0], float(rod.totals[TWIST])
     spare = max(SNAP_WORK - rod.work, 0.0)
     rod.work += spare
-    begin = rod.on_end(aside(q, rod.mesh.nodes**UNEVEN, PUSH))
-    fallen = rod.fall_with_friction(begin, F, there.qe, there.re, there.f, there.obstacles)
+    fallen = rod.fall_with_friction(pushed(rod, q), F, there.qe, there.re, there.f, there.obstacles)
     rod.work -= spare
     if fallen is None:
         return None
     found = Found.at(rod, *fallen)
-    jumped = _jumped(shape, rod.mesh.interpolate(found.q, GRID))
+    jumped = has_jumped(shape, rod.mesh.interpolate(found.q, GRID))
     record = SnapThrough(
         at, energy, float(rod.totals[ENERGY]), twist, float(rod.totals[TWIST]), jumped, False, 0.0, 0.0,
         crossed=jumped,
@@ -294,6 +293,11 @@ def fall_with_friction(
     return found, record, end
 
 
-def _jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:
+def pushed(rod: Rod, q: np.ndarray) -> np.ndarray:
+    """Frames (n, 4) a little beside q (n, 4), from which a fall begins."""
+    return rod.on_end(aside(q, rod.mesh.nodes**UNEVEN, PUSH))
+
+
+def has_jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:
     """Whether some section turned by more than `most`, rad."""
     return bool(np.abs(np.sum(before * after, axis=1)).min() < np.cos(0.5 * most))

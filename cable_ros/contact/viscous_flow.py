@@ -28,7 +28,7 @@ CALM, LONGEST = 0.03, 0.3
 """Maximum rotation of a section in a step, rad, after which the drag fades, and of any step."""
 STILL = 1e-4
 """Maximum drag times that rotation, rad, of a cable that is all but at rest."""
-STEPS = 150
+STEPS = 400
 """Maximum number of steps."""
 TOLERANCE, LIMIT = 1e-7, 0.6
 """Of Newton's method in a step: its last rotation, and the maximum of any, rad."""

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a run falls where its branch ends among rough obstacles: as in a viscous medium, with their memory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.branch.balance import Balance
+from cable_ros.branch.coupled_state import Shared
+from cable_ros.branch.release import lowest
+from cable_ros.scene import Kinematics
+
+FIRST, LARGEST, SMALLEST = 0.01, 0.1, 1e-6
+"""Step of the supports, rad or in lengths of that stiffness: at first, the largest, and the smallest."""
+GROWS, SHRINKS = 1.3, 0.5
+"""Its factors after a step that arrived and after one that failed."""
+STEPS = 300
+"""Maximum number of their steps."""
+NEAR, AT_REST = 0.5, 1e-7
+"""Part of the radius below which a step may have led to an equilibrium, and the least step of supports that
+are not in balance."""
+
+
+class ViscousFall(Balance):
+    """A run that falls without forgetting what sticks."""
+
+    def _fall_with_friction(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray) -> bool:
+        """Come to rest from the last equilibrium, a little further along the path; whether it did.
+
+        The pieces fall between supports that give way step by step, until the whole is in balance.
+        """
+        assert self.state is not None
+        origin, kept, steps = self.state, self._kept, self._steps
+        state, to, radius, near = origin, origin, FIRST, True
+        for _ in range(STEPS):
+            if self._flowed(kinematics, joints, mounts, to):
+                self._keep()
+                self.state = state = to
+                self._inverse = self._judged_at = None
+                found = self._newton(kinematics, joints, mounts, state) if near else None
+                if found is not None and self._stable(kinematics, joints, mounts, found):
+                    self._accept(joints, found)
+                    self._steps = ()
+                    return True
+                self._return()
+                radius = min(GROWS * radius, LARGEST)
+            elif to is origin:
+                break
+            else:
+                self._return()
+                radius *= SHRINKS
+            step = self._given_way(mounts, state, radius)
+            if step is None or radius < SMALLEST or self._reach(step) < AT_REST:
+                break
+            near = self._reach(step) < NEAR * radius
+            to = state.moved(step)
+        self.state, self._kept, self._steps = origin, kept, steps
+        self._return()
+        return False
+
+    def _flowed(self, kinematics: Kinematics, joints: np.ndarray, mounts: np.ndarray, to: Shared) -> bool:
+        """Move all pieces to a state nearby, each in one step or by a fall; whether all arrived."""
+        places = to.places(mounts, self.run.length)
+        if any(place.length < self._least for place in places):
+            return False
+        return all(
+            piece.attempt(kinematics, joints, place) or piece.flow(kinematics, joints, place)
+            for piece, place in zip(self.pieces, places, strict=True)
+        )
+
+    def _given_way(self, mounts: np.ndarray, state: Shared, radius: float) -> np.ndarray | None:
+        """(N,) how the supports give way to what is out of balance, within a radius; None: not known."""
+        free, system, scale = self._solved, self._system(mounts, state), self.scale()
+        weight = np.sqrt(scale[free] / scale[0])
+        K = system.tangent[np.ix_(free, free)] / weight / weight[:, None]
+        if not np.isfinite(K).all():
+            return None
+        values, vectors = np.linalg.eigh(0.5 * (K + K.T))
+        out = np.zeros(len(free))
+        out[free] = vectors @ lowest(values, vectors.T @ (system.residual[free] / weight), radius) / weight
+        return out
