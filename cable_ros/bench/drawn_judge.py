@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import os
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -140,7 +140,10 @@ def run_drawn(case: Case, finer: int = FINER) -> Drawn:
             path = refined(case.path, finer)
             solved, _ = _solve(case, scene, path)
             poses = _compared(poses, solved, finer)
-            poses = _traced(poses, solved, path, scene, kinematics)
+            again = refined(path, finer)
+            poses = _traced(
+                poses, solved, path, scene, kinematics, lambda: (_solve(case, scene, again)[0], again)
+            )
             first = next((i for i, one in enumerate(solved) if lost(one)), None)
             if first is not None:
                 return Drawn(case, poses, None, f"pose {first} of {len(solved)}: {solved[first].message}")
@@ -263,17 +266,24 @@ def _clamp_motion(before: Equilibrium, after: Equilibrium, length: float) -> flo
 
 def _traced(
     poses: Sequence[Judged], finer: Sequence[Equilibrium], path: Sequence[Pose], scene: Scene,
-    kinematics: Kinematics,
+    kinematics: Kinematics, finest: Callable[[], tuple[Sequence[Equilibrium], Sequence[Pose]]],
 ) -> list[Judged]:  # fmt: skip
     """The poses with what is wrong with friction on the finer path to each of them.
 
-    Where nothing is, what slides in the step there may have turned back in it.
+    Where nothing is, what slides in the step there may have turned back in it. The same holds of the finer
+    path's steps, of which a still finer one tells: `finest` solves it, and returns its answers and its poses.
     """
     parts = (len(finer) - 1) // (len(poses) - 1)
-    steps = [
-        friction_fault(scene, kinematics, before, after)
-        for before, after in pairwise(zip(finer, path, strict=True))
-    ]
+    steps = _step_faults(finer, path, scene, kinematics)
+    if any(steps):
+        solved, there = finest()
+        many = (len(there) - 1) // (len(path) - 1)
+        within = _step_faults(solved, there, scene, kinematics)
+        for i in (i for i, fault in enumerate(steps) if fault):
+            begin, end = many * i, many * (i + 1)
+            if not any(within[begin:end]) and all(one.status.trusted for one in solved[begin : end + 1]):
+                ends = (finer[i], path[i]), (finer[i + 1], path[i + 1])
+                steps[i] = friction_fault(scene, kinematics, *ends, turns=True)
     out = list(poses)
     for i, pose in enumerate(poses[1:], start=1):
         begin, end = parts * (i - 1), parts * i
@@ -284,6 +294,14 @@ def _traced(
             ends = (poses[i - 1].step.equilibrium, path[begin]), (pose.step.equilibrium, path[end])
             out[i] = replace(pose, inconsistent=friction_fault(scene, kinematics, *ends, turns=True))
     return out
+
+
+def _step_faults(
+    answers: Sequence[Equilibrium], path: Sequence[Pose], scene: Scene, kinematics: Kinematics
+) -> list[str | None]:
+    """`friction_fault` of each step of a path."""
+    pairs = pairwise(zip(answers, path, strict=True))
+    return [friction_fault(scene, kinematics, before, after) for before, after in pairs]
 
 
 def _known(contact: Contact, before: Sequence[Contact], length: float) -> bool:
