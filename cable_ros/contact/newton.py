@@ -190,7 +190,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
             if not tangent:
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
-                edged, count = meet_edges(shape, obstacles, spacing, (depth, give), points, count)
+                edged, count = meet_edges(shape, f, obstacles, spacing, (depth, give), points, count)
                 moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
                 released, count = release(shape, obstacles, points, count, False)
                 shrunk, count = shrink(points, count, spacing, depth)

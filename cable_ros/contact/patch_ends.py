@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, njit
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.patches import SAMPLES, WEIGHTS, cover, grounded, rests, sample_place
 from cable_ros.contact.points import (
     ARC_LENGTH,
+    AT_EDGE,
     BEFORE,
     FIRST,
     FORCE,
@@ -64,7 +65,7 @@ def move_ends(points, count, y, spacing):
     """Move points and ends of patches to where no couple holds them; returns the largest motion, L.
 
     The couple that holds the slope, divided by the force that acts there, is its lever; an end that pulls is
-    out too far.
+    out too far. One that an edge holds goes inward only.
 
     Args:
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
@@ -89,6 +90,14 @@ def move_ends(points, count, y, spacing):
         if points[i, FORCE] < 0.0 and points[i, KIND] != POINT:
             shift = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
         last, points[i, SHIFT] = points[i, SHIFT], shift
+        beside = points[i, AT_EDGE]
+        if beside < 0.0:
+            if (shift > 0.0) == (points[i, KIND] == LAST):
+                continue
+            points[i, AT_EDGE] = 0.0  # it lifts off before the edge again
+        elif beside > 0.0:
+            shift = stand_off(points[i], y[int(points[i, SLOPE_ROW])], back, forth)
+            points[i, SHIFT] = np.copysign(0.0, shift)
         back_again = shift * last < 0.0 and abs(shift) > RETURNS * abs(last)
         if back_again and abs(shift) > max(BACK * abs(last), SLIGHT * spacing):
             points[i, SWINGS] += 1.0
@@ -102,6 +111,25 @@ def move_ends(points, count, y, spacing):
     for i in range(count):
         points[i, ARC_LENGTH] += shifts[i]
     return largest
+
+
+@njit(**LEAF)
+def stand_off(end, couple, back, forth):
+    """Motion, L, of the end of a patch that stands off beside an edge, see `patch_edges.meet_edges`.
+
+    A beam of length d under a pressure p, clamped to the surface at one end and bent over the edge at the
+    other one, by whatever moment, needs the couple p (d0^2 - d^2) / 8 at the clamp: none where it lifts off.
+
+    Args:
+        end: (COLUMNS,) its row of the contact points.
+        couple: that holds its slope, EI / L.
+        back, forth: distances to the contacts before it and after it, L.
+    """
+    first = end[KIND] == FIRST
+    away = back if first else forth
+    rest = away * away + 8.0 * (couple if first else -couple) / end[AT_EDGE]
+    inward = np.sqrt(max(rest, 0.0)) - away
+    return inward if first else -inward
 
 
 @njit(**INNER)

@@ -63,3 +63,36 @@ def test_the_contact_changes_at_the_edge() -> None:
     assert ends[0][0] < EDGE
     assert len(ends[1]) == 2
     assert ends[1][0] < EDGE <= ends[1][1] < EDGE + RADIUS
+
+
+def test_beside_an_edge_it_stands_off_as_a_beam_does() -> None:
+    """Its deflection is that of a beam under its weight: a quarter of that is at the end of the patch."""
+    (cable,) = SCENE["cables"]
+    weight, bent = 9.81 * cable["linear_density"], 0
+    for one in lowered(64)[:65]:
+        ends = [c for c in one.contacts if c.length == 0.0]
+        if len(ends) == 2:
+            inner, outer = sorted(ends, key=lambda c: c.arc_length)
+            off = outer.arc_length - inner.arc_length
+            # its tension straightens it, by a thirtieth of F off^2 / EI at the most
+            pulled = float(np.linalg.norm(one.end_wrench[:3])) * off**2 / cable["stiffness"][0]
+            assert -1e-4 < inner.normal_force / (0.25 * weight * off) - 1.0 < pulled / 30.0 + 1e-4
+            bent += 1
+    assert bent > 10
+
+
+def test_what_stands_off_is_not_missed_as_long_as_the_edge_holds_the_patch() -> None:
+    """From the first contact with the edge on, at 1e-4 until the slope of what stands off counts."""
+    heights = np.linspace(0.06, 0.055, 41)
+    rough, exact = (
+        [tracker.solve({"z": float(z)})["cable"] for z in heights]
+        for tracker in (Tracker(load_scene(SCENE, urdf=URDF), tolerance=t) for t in (1e-4, 1e-8))
+    )
+    points = [[sum(c.length == 0.0 for c in one.contacts) for one in path] for path in (rough, exact)]
+    assert points[0][0] == points[1][0] == 1
+    assert points[0][-1] == points[1][-1] == 2
+    for one, other in zip(rough, exact, strict=True):
+        assert one.status is other.status is Status.CONVERGED
+        # what is left out must be well below the tolerance, as its estimated error does not tell of it
+        off = float(np.abs(one.end_wrench - other.end_wrench).max())
+        assert off < 1e-6 * float(np.linalg.norm(other.end_wrench))
