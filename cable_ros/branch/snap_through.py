@@ -252,11 +252,14 @@ def _further_on(
     Next to a fold the energy is all but flat, and soft obstacles hold the cable longer than hard ones. Where
     it is free to turn, so little of the path changes the energy by turning that rounding hides it.
     """
+    left = len(ends) * SNAP_WORK
     for end in ends:
-        spare = max(SNAP_WORK - rod.work, 0.0)
+        spare = max(left - rod.work, 0.0)
         rod.work += spare
+        given = rod.work
         rod.refactor(q, F)  # the descent before has left other factors
         found = snap_through(rod, q, F, path(end), descend)
+        left -= given - rod.work
         rod.work -= spare
         if found is not None:
             break
