@@ -231,6 +231,13 @@ class TrackedEquilibrium(CableModel):
         if max(self._estimate, beside) > accept * self.tolerance or sinks:
             before = Found.at(rod, self._q, self._F)
             fine, estimate = refine(before, self.tolerance)
+            if fine.rod.forgot and not rod.forgot:
+                # a pose that is not published costs less than the history of friction
+                moved = self._onto_grid(rod, before.q, before.F)
+                if not moved:
+                    rod.refactor(before.q, before.F)
+                told = max(self._estimate, beside)
+                return fine.iterations, "" if moved else INACCURATE.format(told, self.tolerance)
             iterations, snapped = fine.iterations, left_on_refining(before, fine)
             fine = fine if snapped is None else snapped[0]
             self._take(fine, self._joints)

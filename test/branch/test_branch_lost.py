@@ -16,7 +16,7 @@ from zoo_make import ARM
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.cases import case_scene
-from cable_ros.bench.drawn import drawn_case
+from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.branch import cable_tracker, followed_equilibrium, handover
 from cable_ros.branch.branch_record import BranchRecord, GridHistory, Loss
 from cable_ros.branch.continuation import Continuation, End
@@ -276,3 +276,18 @@ def test_the_error_of_frictions_history_fades_as_on_a_grid() -> None:
             led = after
         assert led.error == pytest.approx(0.05 * 0.95**4, rel=1e-12)
     assert history.after_motion(0.04, False, False, True) is None
+
+
+def test_no_finer_mesh_costs_the_history_of_friction() -> None:
+    """Beside a fold the error of a lift's mesh grows, and on finer ones the branch has ended already.
+
+    Two poses are reported, then it falls as it does in a quarter of the steps.
+    """
+    case = drawn_case(156, 6, 1e-4, "lift")
+    few, many = Tracker(case_scene(case)), Tracker(case_scene(case))
+    path, fell = [few.solve(pose)["cable"] for pose in case.path[:161]], 640
+    finer = [many.arrive(pose)["cable"] for pose in refined(case.path, 4)[: fell + 1]]
+    assert Status.BRANCH_LOST not in {one.status for one in finer}
+    assert [one.status for one in finer].count(Status.SNAPPED) == 1
+    off = np.abs(finer[fell].end_wrench - path[-1].end_wrench).max()
+    assert off < 0.01 * np.abs(path[-1].end_wrench).max()  # as the judge of drawn scenes asks
