@@ -395,15 +395,20 @@ class SharedPiece(CableTracker):
         """Fall at a place nearby as if in a viscous medium, with friction; if not, nothing has moved."""
         rod = self._rod
         assert rod is not None
-        if not self.rubs or self.length != place.length:
+        if not self.rubs:
             return False
+        before = self.length
+        then = self._lengthen(rod, place)
         qe, re, f, obstacles, far, _ = self._destination(kinematics, joints, place.poses, rod)
-        if not rod.chord(qe, re) < self._reach:
-            return False
-        rod.work = self._full_budget
-        fallen = rod.fall_with_friction(pushed(rod, self._q), self._F, qe, re, f, obstacles)
+        fallen, rod.work = None, self._full_budget
+        if rod.chord(qe, re) < self._reach:
+            rod.then = then
+            fallen = rod.fall_with_friction(pushed(rod, self._q), self._F, qe, re, f, obstacles)
         self.worked += self._full_budget - rod.work
         if fallen is None:
+            assert self._origin is not None
+            self._restore(self._origin)
+            self.set_length(before)
             return False
         self._q, self._F, iterations = fallen
         self._joints, self._begin, self._far, self._turned = joints, place.begin, far, np.inf

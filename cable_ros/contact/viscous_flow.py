@@ -18,6 +18,7 @@ from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.rod_state import ENERGY
+from cable_ros.rod.without_contact import SAME
 
 FIRST, LARGEST = 0.3, 100.0
 """Drag at first, and the largest, over the elastic stiffness."""
@@ -52,21 +53,21 @@ def flow(
     Returns:
         The stable equilibrium (q, F), factored, and the number of iterations.
     """
-    put_back, trial = rod.kept(), rod.trial
+    put_back, trial, then = rod.kept(), rod.trial, rod.then
     rod.trial = True
     drag, last, floor, energy, spent, rests = FIRST, FIRST, 0.0, np.inf, 0, False
     before = slow = np.inf  # rotation in the last step, and what it must be below to come to rest, rad
     for _ in range(STEPS):
         if rod.work <= 0.0 or drag > LARGEST:
             break
-        back, mesh = rod.kept(), rod.mesh
+        back, mesh, rod.then = rod.kept(), rod.mesh, then
         code, count, arrived = _step(rod, drag, q, F, ends, passed)
         spent += count
         if arrived is not None:
             stored = float(rod.totals[ENERGY])
             moved = _rotation(mesh, q, rod.mesh, arrived[0])
             if moved <= LONGEST and stored <= energy + ROUNDING * (1.0 + abs(energy)):
-                q, F = arrived
+                (q, F), then = arrived, SAME
                 rests = drag == 0.0
                 if rests:
                     break
@@ -83,7 +84,7 @@ def flow(
             drag, slow = FADES * last, 0.5 * before
         else:
             drag = floor = last
-    rod.drag, rod.trial, rod.ready = 0.0, trial, False
+    rod.drag, rod.trial, rod.ready, rod.then = 0.0, trial, False, SAME
     if rests:  # `_step` has judged and factored it
         return q, F, spent
     put_back()
