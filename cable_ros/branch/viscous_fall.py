@@ -31,28 +31,33 @@ class ViscousFall(Balance):
         """
         assert self.state is not None
         origin, kept, steps = self.state, self._kept, self._steps
-        state, to, radius, near = origin, origin, FIRST, True
+        state, to, radius = origin, origin, FIRST
         for _ in range(STEPS):
             if self._flowed(kinematics, joints, mounts, to):
                 self._keep()
                 self.state = state = to
+                radius = min(GROWS * radius, LARGEST)
+                arrived = True
+            elif to is origin or radius < SMALLEST:
+                break
+            else:
+                self._return()
+                radius *= SHRINKS
+                arrived = False
+            step = self._given_way(mounts, state, radius)
+            if step is None:
+                break
+            reach = self._reach(step)
+            if arrived and (to is origin or reach < NEAR * radius):
                 self._inverse = self._judged_at = None
-                found = self._newton(kinematics, joints, mounts, state) if near else None
+                found = self._newton(kinematics, joints, mounts, state)
                 if found is not None and self._stable(kinematics, joints, mounts, found):
                     self._accept(joints, found)
                     self._steps = ()
                     return True
                 self._return()
-                radius = min(GROWS * radius, LARGEST)
-            elif to is origin:
-                break
-            else:
-                self._return()
-                radius *= SHRINKS
-            step = self._given_way(mounts, state, radius)
-            if step is None or radius < SMALLEST or self._reach(step) < AT_REST:
-                break
-            near = self._reach(step) < NEAR * radius
+                if reach < AT_REST:
+                    break
             to = state.moved(step)
         self.state, self._kept, self._steps = origin, kept, steps
         self._return()
