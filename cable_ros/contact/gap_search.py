@@ -190,10 +190,11 @@ def far(samples, k, phi):
 
 @njit(**INNER)
 def minimum_beside(shape, samples, k, obstacle, down):
-    """Arc length of a minimum of the gap that is nearer to sample k than to others; -1: none.
+    """Arc length of the gap's minimum that is nearer to sample k than to others; -1: none.
 
-    Two edges side by side have a minimum each, which the gaps at the samples may not show: its slopes do.
-    Returned, too, is the slope half way to the next sample. Only for a sample that is not `far`.
+    Of two beside a maximum it is the lower one. Two edges side by side have a minimum each, which the gaps at
+    the samples may not show: its slopes do. Returned, too, is the slope half way to the next sample. Only for
+    a sample that is not `far`.
 
     Args:
         shape: `Shape`.
@@ -207,7 +208,7 @@ def minimum_beside(shape, samples, k, obstacle, down):
     at = surface()
     if np.isnan(down):
         _, down, _ = gap_at(shape, low, obstacle, at)
-    _, up, _ = gap_at(shape, high, obstacle, at)
+    _, up, curvature = gap_at(shape, high, obstacle, at)
     # a clamp that rests on the surface has no slope there but rounding
     falls, rises = down < 0.0, up >= 0.0
     if k == 1 and abs(down) < LEVEL:
@@ -223,9 +224,29 @@ def minimum_beside(shape, samples, k, obstacle, down):
             high, rises = middle, True
         elif rises and slope < 0.0:
             low, falls = middle, True
+        else:  # or the maximum is at the end of this interval, all but there: beyond it the slope turns
+            end, slope = high, up
+            if rises:
+                end = low
+                _, slope, curvature = gap_at(shape, low, obstacle, at)
+            beyond = end - 2.0 * slope / curvature if curvature < 0.0 else end
+            if low < beyond < high:
+                _, slope, _ = gap_at(shape, beyond, obstacle, at)
+                if falls and slope >= 0.0:
+                    high, rises = beyond, True
+                elif rises and slope < 0.0:
+                    low, falls = beyond, True
     if not (falls and rises):
         return -1.0, up
-    return lowest(shape, 0.5 * (low + high), 0.5 * (high - low), obstacle), up
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    _, _, curvature = gap_at(shape, middle, obstacle, at)
+    if curvature >= 0.0:
+        return lowest(shape, middle, half, obstacle), up
+    before = lowest(shape, middle - 0.5 * half, 0.5 * half, obstacle)
+    after = lowest(shape, middle + 0.5 * half, 0.5 * half, obstacle)
+    least, _, _ = gap_at(shape, before, obstacle, at)
+    other, _, _ = gap_at(shape, after, obstacle, at)
+    return (before if least <= other else after), up
 
 
 @njit(**OPTIONS)
