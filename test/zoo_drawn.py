@@ -259,6 +259,7 @@ FOUND = {
     (154, 2, "beams"): "a heavy cable up over a high narrow beam, cold: a light one falls to rest on it",
     (154, 15, "beams"): "the same without friction: a light one falls to rest on it",
     (155, 2, "beams"): "heavy, flat on a smooth beam whose edges come to where it lifts off, until it falls",
+    (156, 0, "beams"): "a heavy cable comes to touch two smooth beams twice each, on three elements",
     (154, 18, "beams"): "a heavy cable over a low narrow beam, cold: a light one falls to rest on it",
 }
 """By seed, index and kind of `drawn_case`: scenes that benchmarks/drawn.py has found, and that failed."""

@@ -93,7 +93,6 @@ OF_A_KIND = {
     (155, 9, "rollers"): "a light cable on rough rollers: 2.8 % likewise",
     (155, 17, "drum"): "a heavy cable on a rough drum: a point comes to stick amid a step: 1.6 % likewise",
     (155, 18, "tray"): "weightless, on a rough tray: the judge finds nothing beside two answers",
-    (156, 0, "beams"): "a point on a smooth beam begins to lie to one side: a grid, then 2.5e-6 L inside",
     (156, 0, "rollers"): "taut over rough rollers, at 3e6 EI / L^2: 4.5 %, told in 4 times as many poses",
     (156, 0, "table"): "a cable drawn along a rough table: 1.3 % likewise",
     (156, 7, "table"): "a weightless cable drawn along a rough table: 1.2 % likewise",

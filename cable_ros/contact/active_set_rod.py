@@ -12,12 +12,13 @@ import numpy as np
 from cable_ros.contact.edges import across_edges
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.frictional_rod import FrictionalRod
-from cable_ros.contact.meshing import fitted, layered
+from cable_ros.contact.meshing import CLOSEST, fitted, layered
 from cable_ros.contact.newton import active_set_newton
 from cable_ros.contact.patches import resample
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
+    FIRST,
     FORCE,
     FRICTION,
     INTERFACE,
@@ -25,6 +26,7 @@ from cable_ros.contact.points import (
     NUMBER,
     OBSTACLE,
     POINT,
+    SAMPLE,
     SPARED,
 )
 from cable_ros.contact.report import coefficients, listed
@@ -305,8 +307,14 @@ class ActiveSetRod(FrictionalRod):
             # predict the next step
             code = warm_step.ADVANCED if self.kkt_factor(self.drag, 3 + self.count) else warm_step.NOT_CONVEX
         if code != warm_step.ADVANCED:
+            smooth = self.model == FRICTIONLESS
+            crowded = self._crowded(kept[0]) if remesh and smooth and code in FAILED else np.zeros(0, bool)
             self.restore(kept, mesh)
             self.direction = direction
+            if crowded.any():
+                asked, failed = (qe, re, f, tolerance, limit, obstacles), (code, 0, q_new, F_new)
+                code, more, q_new, F_new = self._step_on_split(q, F, crowded, asked, failed)
+                spent += more
             return code, iterations + spent, q_new, F_new
         sunk, before = self.sunk(q_new, F_new, obstacles), (self.qe, self.re, self.f, self.obstacles)
         followed = self.followed
@@ -343,6 +351,50 @@ class ActiveSetRod(FrictionalRod):
             return code, iterations, q_new, F_new
         self.settled = q_new
         return code, iterations, q_new, F_new
+
+    def _crowded(self, before: np.ndarray) -> np.ndarray:
+        """(m,) which elements have less than a boundary for each end of a patch of a step that failed.
+
+        Those beside these ends and the contacts before it, if any end goes without: there the shear force can
+        have no jump, and contact forces of either sign take its place.
+
+        Args:
+            before: (k, COLUMNS) the contact points before it.
+        """
+        points = self.points[: self.count]
+        without = points[(points[:, KIND] >= FIRST) & (points[:, INTERFACE] < 0.0), ARC_LENGTH]
+        if not len(without):
+            return np.zeros(len(self.h), bool)
+        s = np.concatenate([without, before[before[:, KIND] != SAMPLE, ARC_LENGTH]])[:, None]
+        ends = np.cumsum(self.mesh.lengths)
+        near = (s >= ends - self.mesh.lengths - CLOSEST) & (s <= ends + CLOSEST)
+        return np.asarray(near.any(axis=0))
+
+    def _step_on_split(
+        self, q: np.ndarray, F: np.ndarray, which: np.ndarray,
+        asked: tuple[np.ndarray, np.ndarray, np.ndarray, float, float, np.ndarray],
+        failed: tuple[int, int, np.ndarray, np.ndarray],
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
+        """`step_in_contact` on the mesh with some elements halved.
+
+        Args:
+            q, F: frames and end force of the last equilibrium.
+            which: (m,) which elements.
+            asked: of `step_in_contact`, from the end frame to the obstacles.
+            failed: what it returned, which is returned if this fails, too, with the iterations of both.
+        """
+        put_back, direction, followed = self.kept(), self.direction, self.followed
+        fresh = self._onto(self.mesh.split(which), q)
+        code, spent, q_new, F_new = self.correct(fresh, F, asked[3], 0.6, remesh=False)
+        if code == warm_step.ADVANCED:
+            code, more, q_new, F_new = self.step_in_contact(q_new, F_new, *asked, remesh=False)
+            spent += more
+        if code == warm_step.ADVANCED:
+            return code, failed[1] + spent, q_new, F_new
+        put_back()
+        self.refactor(q, F)  # the finer mesh had its own factors
+        self.direction, self.followed = direction, followed
+        return failed[0], failed[1] + spent, *failed[2:]
 
     def _begin_soft(
         self, q: np.ndarray, F: np.ndarray, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...],
