@@ -104,13 +104,15 @@ class FollowedPieces(Released):
         """
         assert self.state is not None
         last = self.state
-        ways = [self._fall_with_friction, self._snap] if self.rubbing and not self.loose else [self._snap]
-        for way in ways:
+        ways = [(self._snap, False)]
+        if self.rubbing and not self.loose:
+            ways.insert(0, (self._fall_with_friction, True))
+        for way, remembers in ways:
             for reach in BEYOND:  # next to a fold nothing is exact
                 target = min(1.0, at + reach * step)
                 there = origin + target * (joints - origin)
                 if way(kinematics, there, kinematics.poses(there)[self.which]):
-                    return target, len(ways) > 1 and way == ways[0]
+                    return target, remembers
                 self.state = last
                 self._return()
         return None
