@@ -39,7 +39,7 @@ from cable_ros.ros.throttle import Throttle
 from cable_ros.scene.errors import SceneError
 from cable_ros.tracker import Tracker
 
-_CATCH_UP = 10e-3  # s; a backlog that takes longer than this to answer is skipped but for the newest
+_CATCH_UP = 4e-3  # s; a backlog that takes longer than this to answer is skipped but for the newest
 _REPORT_SPACING = 0.05  # s, least time between reports that a change of status sets off
 
 
