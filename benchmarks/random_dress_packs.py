@@ -29,7 +29,6 @@ from cable_ros.bench.markdown import markdown_table
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from examples import dress_pack
 
-NAMES = [f"{joint}_joint" for joint in dress_pack.JOINTS]
 KINDS = ("clip", "pin", "ring", "tube", "nothing")
 SAME = 0.01
 """Relative difference of the last wrenches that counts as none."""
@@ -59,13 +58,11 @@ def hose(g: np.random.Generator, friction: float) -> tuple[str, dict[str, Any]]:
     return kind, values
 
 
-def path(g: np.random.Generator, poses: int) -> np.ndarray:
-    """(poses, 6) joint values from the first stop by four others and back."""
+def round_trip(g: np.random.Generator) -> np.ndarray:
+    """(6, 6) joint values, rad, from the first stop by four others and back."""
     stops = dress_pack.STOPS[g.integers(1, 5, 4)] + g.uniform(-0.25, 0.25, (4, 6))
     stops[:, 5] = np.pi / 2 * g.integers(-2, 3, 4)
-    corners = np.array([dress_pack.STOPS[0], *stops, dress_pack.STOPS[0]])
-    at = np.linspace(0.0, len(corners) - 1, poses)
-    return np.column_stack([np.interp(at, np.arange(len(corners)), column) for column in corners.T])
+    return np.array([dress_pack.STOPS[0], *stops, dress_pack.STOPS[0]])
 
 
 def main() -> int:
@@ -82,14 +79,13 @@ def main() -> int:
     for index in tqdm(range(args.count), file=sys.stderr):
         g = np.random.default_rng([args.seed, index])
         kind, values = hose(g, args.friction)
-        states, ends = g.bit_generator.state, []
+        stops, ends = round_trip(g), []
         hoses[kind] += 1
         for finer in sorted({1, args.finer}):
-            g.bit_generator.state = states
             tracker, known = Tracker(load_scene(values)), {Status.OUT_OF_REACH}
-            for row in path(g, finer * (args.poses - 1) + 1).tolist():
+            for joints in dress_pack.poses(finer * (args.poses - 1) + 1, stops):
                 begin = time.perf_counter()
-                found = tracker.arrive(dict(zip(NAMES, row, strict=True)))["hose"]
+                found = tracker.arrive(joints)["hose"]
                 if finer == 1:
                     times[kind].append(1e3 * (time.perf_counter() - begin))
                     counts[kind][found.status] += 1

@@ -83,10 +83,10 @@ def scene(friction: float = 0.2, links: float = 0.0) -> dict[str, Any]:
     }
 
 
-def poses(count: int) -> list[dict[str, float]]:
-    """So many joint states along the way from stop to stop."""
-    at = np.linspace(0.0, len(STOPS) - 1, count)
-    values = np.column_stack([np.interp(at, np.arange(len(STOPS)), column) for column in STOPS.T])
+def poses(count: int, stops: np.ndarray = STOPS) -> list[dict[str, float]]:
+    """So many joint states along the way from stop to stop; `stops` (n, 6), rad."""
+    at = np.linspace(0.0, len(stops) - 1, count)
+    values = np.column_stack([np.interp(at, np.arange(len(stops)), column) for column in stops.T])
     names = [f"{joint}_joint" for joint in JOINTS]
     return [dict(zip(names, row, strict=True)) for row in values.tolist()]
 
