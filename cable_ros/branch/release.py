@@ -60,11 +60,10 @@ def descend(problem: Release, state: Shared) -> Shared | None:
             free, tangent = problem.free(), problem.tangent(state)
             weight = np.sqrt(problem.scale[free] / problem.scale[0])
             system = assemble(tangent.sides(), np.zeros(len(state.arcs)), tangent.loose)
-            K = system.hessian[np.ix_(free, free)] / weight / weight[:, None]
-            if not np.isfinite(K).all():
+            found = principal(system.hessian[np.ix_(free, free)], system.residual[free], weight)
+            if found is None:
                 return None  # a piece is as long as the distance of its ends
-            values, vectors = np.linalg.eigh(0.5 * (K + K.T))
-            g = vectors.T @ (system.residual[free] / weight)
+            values, vectors, g = found
             if problem.turns_freely:
                 neutral = np.abs(values) < NEUTRAL * problem.scale[0]
                 values, g = np.where(neutral, NEUTRAL * problem.scale[0], values), np.where(neutral, 0.0, g)
@@ -91,6 +90,20 @@ def descend(problem: Release, state: Shared) -> Shared | None:
         if radius < SMALLEST:
             return None
     return None
+
+
+def principal(
+    K: np.ndarray, residual: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Eigenvalues, which rise, and vectors of K (n, n), symmetric part, and the residual (n,) along these.
+
+    In unknowns times `weight` (n,); None: K is not finite.
+    """
+    scaled = K / weight / weight[:, None]
+    if not np.isfinite(scaled).all():
+        return None
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    return values, vectors, vectors.T @ (residual / weight)
 
 
 def lowest(values: np.ndarray, g: np.ndarray, radius: float) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cable_ros.branch.balance import Balance
 from cable_ros.branch.coupled_state import Shared
-from cable_ros.branch.release import lowest
+from cable_ros.branch.release import lowest, principal
 from cable_ros.scene import Kinematics
 
 FIRST, LARGEST, SMALLEST = 0.01, 0.1, 1e-6
@@ -77,10 +77,10 @@ class ViscousFall(Balance):
         """(N,) how the supports give way to what is out of balance, within a radius; None: not known."""
         free, system, scale = self._solved, self._system(mounts, state), self.scale()
         weight = np.sqrt(scale[free] / scale[0])
-        K = system.tangent[np.ix_(free, free)] / weight / weight[:, None]
-        if not np.isfinite(K).all():
+        found = principal(system.tangent[np.ix_(free, free)], system.residual[free], weight)
+        if found is None:
             return None
-        values, vectors = np.linalg.eigh(0.5 * (K + K.T))
+        values, vectors, g = found
         out = np.zeros(len(free))
-        out[free] = vectors @ lowest(values, vectors.T @ (system.residual[free] / weight), radius) / weight
+        out[free] = vectors @ lowest(values, g, radius) / weight
         return out
