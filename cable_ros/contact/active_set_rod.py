@@ -312,9 +312,11 @@ class ActiveSetRod(FrictionalRod):
             self.restore(kept, mesh)
             self.direction = direction
             if crowded.any():
-                asked, failed = (qe, re, f, tolerance, limit, obstacles), (code, 0, q_new, F_new)
-                code, more, q_new, F_new = self._step_on_split(q, F, crowded, asked, failed)
+                asked = qe, re, f, tolerance, limit, obstacles
+                more, split = self._step_on_split(q, F, crowded, asked)
                 spent += more
+                if split is not None:
+                    code, (q_new, F_new) = warm_step.ADVANCED, split
             return code, iterations + spent, q_new, F_new
         sunk, before = self.sunk(q_new, F_new, obstacles), (self.qe, self.re, self.f, self.obstacles)
         followed = self.followed
@@ -373,15 +375,13 @@ class ActiveSetRod(FrictionalRod):
     def _step_on_split(
         self, q: np.ndarray, F: np.ndarray, which: np.ndarray,
         asked: tuple[np.ndarray, np.ndarray, np.ndarray, float, float, np.ndarray],
-        failed: tuple[int, int, np.ndarray, np.ndarray],
-    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """`step_in_contact` on the mesh with some elements halved.
+    ) -> tuple[int, tuple[np.ndarray, np.ndarray] | None]:  # fmt: skip
+        """`step_in_contact` on the mesh with some elements halved: iterations, and where it led, if it did.
 
         Args:
             q, F: frames and end force of the last equilibrium.
             which: (m,) which elements.
             asked: of `step_in_contact`, from the end frame to the obstacles.
-            failed: what it returned, which is returned if this fails, too, with the iterations of both.
         """
         put_back, direction, followed = self.kept(), self.direction, self.followed
         fresh = self._onto(self.mesh.split(which), q)
@@ -390,11 +390,11 @@ class ActiveSetRod(FrictionalRod):
             code, more, q_new, F_new = self.step_in_contact(q_new, F_new, *asked, remesh=False)
             spent += more
         if code == warm_step.ADVANCED:
-            return code, failed[1] + spent, q_new, F_new
+            return spent, (q_new, F_new)
         put_back()
         self.refactor(q, F)  # the finer mesh had its own factors
         self.direction, self.followed = direction, followed
-        return failed[0], failed[1] + spent, *failed[2:]
+        return spent, None
 
     def _begin_soft(
         self, q: np.ndarray, F: np.ndarray, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...],
