@@ -110,6 +110,10 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
             moved += (step[a] - off * n[a]) ** 2
         new = points[i, KIND] == POINT and points[i, WAS] == 0.0
         points[i, SLIPS] = 0.0 if new and (slid or moved < AT_REST**2) else 1.0
+        if new and points[i, SLIPS] == 1.0 and points[i, FORCE] == 0.0:
+            # it begins to press with its friction: without, another contact's may make it seem to pull
+            for a in range(3):
+                limit[DIRECTION + a] = -(step[a] - off * n[a]) / np.sqrt(moved)
         return False
     force, trial = np.empty(3), np.empty(3)
     off, normal = 0.0, 0.0

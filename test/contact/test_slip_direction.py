@@ -9,7 +9,10 @@ import pytest
 from cable_ros import Tracker
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case, refined
-from cable_ros.contact.friction_kernels import lead
+from cable_ros.contact.contact_state import History, surface
+from cable_ros.contact.distance import WIDTH
+from cable_ros.contact.friction_kernels import COULOMB, DIRECTION, TANGENT, lead, update_friction
+from cable_ros.contact.points import COLUMNS, SLIPS
 
 NORMAL = np.array([0.0, 0.0, 1.0])
 
@@ -52,6 +55,19 @@ def test_how_much_more_it_turns() -> None:
     small = 1e-6
     (ahead, factor), (behind, _) = (led(at(sign * small), at(0.0)) for sign in (1.0, -1.0))
     assert (ahead - behind)[1] / (2.0 * small) == pytest.approx(factor, rel=1e-6)
+
+
+@pytest.mark.parametrize(("moved", "slips"), [(1e-4, True), (1e-8, False)])
+def test_what_lands_slips_with_its_friction_at_once(moved: float, slips: bool) -> None:
+    """Pressed by nothing yet, friction per force is against the motion, unless its direction is rounding."""
+    points, tangent, step = np.zeros((1, COLUMNS)), np.empty(TANGENT), moved * at(2.0) - 1e-3 * NORMAL
+    there, curves = surface()._replace(n=NORMAL, t=at(0.5)), np.zeros((2, 1, 1, 3))
+    last = *curves, np.zeros(1), np.zeros(1), np.zeros((1, WIDTH))
+    history = History(COULOMB, np.zeros(3), 0.0, 1.0, *last)
+    update_friction(points, 0, there, 0.3, history, 1e8, (step, np.zeros(3), False), tangent)
+    assert bool(points[0, SLIPS]) == slips
+    against = tangent[DIRECTION : DIRECTION + 3]
+    np.testing.assert_allclose(against, -at(2.0) if slips else np.zeros(3), atol=1e-12)
 
 
 def test_two_points_of_which_one_sticks_and_one_turns() -> None:

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hoses of benchmarks/random_dress_packs.py whose branch was lost; needs example-robot-data."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from cable_ros import Tracker, load_scene
+from cable_ros.equilibrium import Status
+
+pytest.importorskip("trimesh", reason="the arm's meshes need trimesh")
+pytest.importorskip("tqdm", reason="the benchmark shows its progress")
+
+
+@pytest.fixture(scope="module")
+def packs() -> ModuleType:
+    path = Path(__file__).parents[1] / "benchmarks" / "random_dress_packs.py"
+    spec = importlib.util.spec_from_file_location("random_dress_packs_benchmark", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    try:
+        module.dress_pack.urdf()
+    except FileNotFoundError as error:
+        pytest.skip(str(error))
+    return module
+
+
+LOST = {
+    # sliding over one link it lands on the next one, whose normal is almost the same
+    "in a tube, from link to link": (1, 7, 0.3, 100, 40),
+}
+"""Seed, index, friction of the links, poses of the whole path, and how many of them."""
+
+
+@pytest.mark.parametrize("name", LOST)
+def test_a_hose_falls_to_another_equilibrium(packs, name):
+    seed, index, friction, count, last = LOST[name]
+    g = np.random.default_rng([seed, index])
+    _, values = packs.hose(g, friction)
+    tracker = Tracker(load_scene(values))
+    path = packs.dress_pack.poses(count, packs.round_trip(g))
+    found = [tracker.arrive(joints)["hose"] for joints in path[:last]]
+    assert {one.status for one in found} == {Status.CONVERGED, Status.SNAPPED}, found[-1].message
