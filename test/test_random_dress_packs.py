@@ -33,6 +33,8 @@ def packs() -> ModuleType:
 
 
 LOST = {
+    # squeezed between two links, a third lets go: no soft obstacles lead away from there
+    "in a tube, between three links": (1, 31, 0.0, 150, 120),
     # sliding over one link it lands on the next one, whose normal is almost the same
     "in a tube, from link to link": (1, 7, 0.3, 100, 40),
 }

@@ -384,8 +384,13 @@ class SharedPiece(CableTracker):
         if not rod.chord(there.qe, there.re) < self._reach:
             return False
         self._let_yield(rod, place._replace(yields=None))
-        rod.work = self._full_budget
-        found = snap_through(rod, self._q, self._F, there)
+        # where it touches, from outside: soft obstacles with rounded edges may lead nowhere
+        for descend in (rod.minimum, rod.fall) if rod.touches else (rod.minimum,):
+            rod.work = self._full_budget
+            found = snap_through(rod, self._q, self._F, there, descend)
+            if found is not None:
+                break
+            rod.refactor(self._q, self._F)  # the descent has left other factors
         if found is not None:
             self._q, self._F, self._joints, self._begin = found.q, found.F, joints, place.begin
             self._spent += found.iterations
