@@ -31,7 +31,7 @@ class ViscousFall(Balance):
         """
         assert self.state is not None
         origin, kept, steps = self.state, self._kept, self._steps
-        state, to, radius = origin, origin, FIRST
+        state, to, radius, reach = origin, origin, FIRST, 0.0
         for _ in range(STEPS):
             if self._flowed(kinematics, joints, mounts, to):
                 self._keep()
@@ -42,7 +42,7 @@ class ViscousFall(Balance):
                 break
             else:
                 self._return()
-                radius *= SHRINKS
+                radius = SHRINKS * min(radius, reach)
                 arrived = False
             step = self._given_way(mounts, state, radius)
             if step is None:
