@@ -37,6 +37,8 @@ LOST = {
     "in a tube, between three links": (1, 31, 0.0, 150, 120),
     # sliding over one link it lands on the next one, whose normal is almost the same
     "in a tube, from link to link": (1, 7, 0.3, 100, 40),
+    # a long fall, past a second link
+    "between clips, from link to link": (1, 22, 0.3, 100, 85),
 }
 """Seed, index, friction of the links, poses of the whole path, and how many of them."""
 

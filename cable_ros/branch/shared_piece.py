@@ -18,7 +18,7 @@ from cable_ros.branch.held_ends import ends_of
 from cable_ros.branch.mirror_image import GRID
 from cable_ros.branch.results import Reader, Tangent, both_wrenches
 from cable_ros.branch.searched_equilibrium import ALGEBRAIC
-from cable_ros.branch.snap_through import pushed, snap_through
+from cable_ros.branch.snap_through import FALL_WORK, pushed, snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, placed
@@ -405,11 +405,11 @@ class SharedPiece(CableTracker):
         before = self.length
         then = self._lengthen(rod, place)
         qe, re, f, obstacles, far, _ = self._destination(kinematics, joints, place.poses, rod)
-        fallen, rod.work = None, self._full_budget
+        fallen, rod.work = None, FALL_WORK
         if rod.chord(qe, re) < self._reach:
             rod.then = then
             fallen = rod.fall_with_friction(pushed(rod, self._q), self._F, qe, re, f, obstacles)
-        self.worked += self._full_budget - rod.work
+        self.worked += FALL_WORK - rod.work
         if fallen is None:
             assert self._origin is not None
             self._restore(self._origin)
