@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -13,7 +16,10 @@ from cable_ros.branch import handover
 from cable_ros.contact import viscous_flow
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.rod import warm_step
+from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.rod_state import ENERGY
+from cable_ros.rod.without_contact import SAME as SAME_LENGTH
 from cable_ros.share import share_file
 
 SAME = 0.01
@@ -102,6 +108,25 @@ def test_energy_only_falls(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(fall) > 5
     assert fall[-1] < fall[0] - 0.1
     assert fall[-1] < min(fall) + 1e-6
+
+
+def test_what_is_at_rest_stays_so_on_another_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without drag the mesh is fitted to the contacts, and the energy is another one by its error."""
+    coarse = Mesh(reference_element(4), np.array([0.5, 0.5]))
+    shape, energy = np.tile([1.0, 0.0, 0.0, 0.0], (len(coarse.nodes), 1)), np.array([0.0, 0.0, 0.0, 1.0])
+    kept = SimpleNamespace(mesh=coarse, totals=energy, trial=False, then=SAME_LENGTH, work=1e9)
+    kept.kept = lambda: partial(setattr, kept, "mesh", kept.mesh)
+
+    def at_rest(rod, drag, q, F, *_):  # type: ignore[no-untyped-def]
+        if drag == 0.0 and rod.mesh is coarse:
+            rod.mesh = coarse.split(np.array([True, False]))
+            rod.totals[ENERGY] += 1e-5
+        return warm_step.ADVANCED, 1, (np.tile(q[:1], (len(rod.mesh.nodes), 1)), F)
+
+    monkeypatch.setattr(viscous_flow, "_step", at_rest)
+    fallen = viscous_flow.flow(kept, shape, np.zeros(3), None, None)
+    assert fallen is not None
+    assert len(kept.mesh.lengths) == 3
 
 
 def test_a_branch_that_goes_on_attracts_the_cable() -> None:

@@ -66,7 +66,10 @@ def flow(
         if arrived is not None:
             stored = float(rod.totals[ENERGY])
             moved = _rotation(mesh, q, rod.mesh, arrived[0])
-            if moved <= LONGEST and stored <= energy + ROUNDING * (1.0 + abs(energy)):
+            # another mesh has another energy, by its error, of all but the same shape
+            lowers = stored <= energy + ROUNDING * (1.0 + abs(energy))
+            remeshed = moved < CALM and len(rod.mesh.lengths) != len(mesh.lengths)
+            if moved <= LONGEST and (lowers or remeshed):
                 (q, F), then = arrived, SAME
                 rests = drag == 0.0
                 if rests:
