@@ -246,7 +246,7 @@ class SharedPiece(CableTracker):
         rod, origin = self._rod, self._origin
         if self.rubs and isinstance(rod, ActiveSetRod) and origin is not None:
             before = (self.length / origin.length) ** 2 * origin.path_force
-            rod.follow(self._far, self._path_force - before)
+            rod.follow(self._far, before, self._path_force)
 
     def holds(self, kept: Kept) -> bool:
         """Whether it is at this equilibrium."""

@@ -322,7 +322,7 @@ class ActiveSetRod(FrictionalRod):
         followed = self.followed
         self.set_conditions(qe, re, f, obstacles)
         if not self.tentative:
-            self.follow(distance, F_new - F)
+            self.follow(distance, F, F_new)
         self.forked = self.forked or forked
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.loaded = loaded if self.rotation > 0.0 else 0.0

@@ -103,12 +103,17 @@ class FrictionalRod(FixedSetRod):
             points[begins, SLIPS] = 1.0
             self.ready = False  # the factors are those of what sticks
 
-    def follow(self, distance: float, change: np.ndarray) -> None:
-        """Add a step of `distance`, L, to the `PathError`, in which the end force changed by (3,)."""
+    def follow(self, distance: float, before: np.ndarray, after: np.ndarray) -> None:
+        """Add a step of `distance`, L, to the `PathError`; `before`, `after` (3,): the end force."""
         if self.model != COULOMB or not self.frictional:
             self.followed = NONE
         elif self.lies and not self.creeps:
-            self.followed = self.followed.after_step(distance, change)
+            self.followed = self.followed.after_step(distance, before, after, self._possible_friction())
+
+    def _possible_friction(self) -> float:
+        """Sum of the friction that its contacts can bear, EI / L^2."""
+        forces = self.points[: self.count, FORCE]
+        return float(self._coefficients() @ np.maximum(forces, 0.0))
 
     def path_error(self, F: np.ndarray) -> float:
         error = self.followed.error
