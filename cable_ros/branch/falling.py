@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cable_ros.branch.cold_start import Found, Sought, Starts, carried, same, settled
+from cable_ros.branch.cold_start import Found, Sought, Starts, same, settled
 from cable_ros.branch.snap_through import DESCENT
 
 LIGHT = 0.1
@@ -28,7 +28,7 @@ class Falling:
     """
 
     def __init__(self, sought: Sought) -> None:
-        self._sought, self._whole = sought, sought.conditions.rounded()
+        self._sought = sought
         self._tried = sought.conditions.obstacles is None or not sought.conditions.f.any()
         self._light: Starts | None = None
         """The search for light cables at rest."""
@@ -49,7 +49,8 @@ class Falling:
         Returns the distinct equilibria of the pose, on coarse meshes, after the last one; and the work.
         """
         if self._light is None:
-            light = replace(self._whole, f=LIGHT * self._whole.f)
+            whole = self._sought.conditions
+            light = replace(whole, f=LIGHT * whole.f)
             self._light = Starts(replace(self._sought, conditions=light), thorough=False)
         if not self._light.over:
             return [], self._light.descend()
@@ -62,7 +63,7 @@ class Falling:
 
     def _fall(self, one: Found) -> tuple[Found | None, float]:
         """Where a light cable comes to rest with its whole weight, and the work."""
-        rod, whole = one.rod, self._whole
+        rod, whole = one.rod, self._sought.conditions
         rod.set_conditions(whole.qe, whole.re, whole.f, whole.obstacles)
         rod.work = FALL_WORK
         fallen = settled(rod, rod.fall(one.q, one.F, DESCENT))
@@ -70,8 +71,4 @@ class Falling:
         rod.work = np.inf
         if fallen is None:
             return None, work
-        there = carried(rod, fallen.q, fallen.F, self._sought.conditions)
-        if there is None:
-            return None, work
-        work += there.iterations * there.rod.iteration_work
-        return replace(there, iterations=one.iterations + fallen.iterations + there.iterations), work
+        return replace(fallen, iterations=one.iterations + fallen.iterations), work

@@ -41,7 +41,7 @@ class Search:
         self._starts = Starts(begun, thorough=False)
         self._last: list[Led | handover.Rest | Falling] = []
         if sought.compliance is None and sought.ends is None:
-            self._last = [PayingOut(sought), Loading(sought), handover.Rest(sought), Falling(sought)]
+            self._last = [PayingOut(begun), Loading(begun), handover.Rest(begun), Falling(begun)]
         self._coarse: list[Found] | None = None
         self._refined = 0
         self._best: Found | None = None
@@ -92,18 +92,18 @@ class Search:
         if not self._starts.over:
             return self._starts.descend()
         if self._coarse is None:
-            return self._arrive()
+            return self._arrive(self._starts.found)
         if self._refined < len(self._coarse):
             return self._refine(self._coarse[self._refined])
         found, work = next(one for one in self._last if not one.over).settle()
         if found:
-            work += self._sort(found)
+            work += self._arrive(found)
             self._refined = 0
         return work
 
-    def _arrive(self) -> float:
-        """Bring the equilibria that the descents found to the very pose; returns the work of that."""
-        found, conditions, work = self._starts.found, self.sought.conditions, 0.0
+    def _arrive(self, found: list[Found]) -> float:
+        """Bring the equilibria that were found to the very pose, and sort them; returns the work of that."""
+        conditions, work = self.sought.conditions, 0.0
         if conditions.obstacles is not None:
             there = [carried(one.rod, one.q, one.F, conditions) for one in found]
             found = [replace(to, iterations=one.iterations + to.iterations)
