@@ -25,6 +25,7 @@ ARCH = either_side()[0]
         pytest.param(ARCH, 2, id="a snap-through that takes a call's budget"),
         pytest.param(drawn_case(15, 17, 1e-4), 7, id="a heavy cable on the ground, on which its clamp rests"),
         pytest.param(drawn_case(15, 51, 1e-4), 1, id="the same, with a diameter"),
+        pytest.param(drawn_case(18, 83, 1e-4), 1, id="a weightless one, that turns freely"),
         pytest.param(drawn_case(17, 99, 1e-4), 1, id="a heavy cable over a beam, not found by descents"),
     ],
 )

@@ -106,9 +106,12 @@ class Search:
         conditions, work = self.sought.conditions, 0.0
         if conditions.obstacles is not None:
             there = [carried(one.rod, one.q, one.F, conditions) for one in found]
-            found = [replace(to, iterations=one.iterations + to.iterations)
-                     for one, to in zip(found, there, strict=True) if to is not None]  # fmt: skip
             work = sum(to.iterations * to.rod.iteration_work for to in there if to is not None)
+            # one that turns freely may not be found again, and is as good at the rounded pose
+            found = [
+                one if to is None else replace(to, iterations=one.iterations + to.iterations)
+                for one, to in zip(found, there, strict=True)
+            ]
         return work + self._sort(found)
 
     def _sort(self, found: list[Found]) -> float:
