@@ -108,11 +108,11 @@ class Statics:
         Raises:
             NotImplementedError: moving ends, or ends that we do not have.
         """
+        if any(rod.start_motion or rod.end_motion for rod in scenario.rods):
+            raise NotImplementedError("ends that move")
         if len(scenario.rods) > 1:
             return trajectory(scenario, crossed(scenario, 2 * n_elements + 1), n_frames)
         rod = scenario.rods[0]
-        if rod.start_motion or rod.end_motion:
-            raise NotImplementedError("ends that move")
         if scenario.obstacles:
             draped = Draped(scenario, 2 * n_elements + 1)
             drawn, left = draped.let_go()

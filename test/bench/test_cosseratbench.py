@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("cosseratbench", reason="the extra 'benchmarks' is not installed")
 
 from cosseratbench.experiment import run
-from cosseratbench.experiments import cantilever, capstan, catenary, crossing
+from cosseratbench.experiments import cantilever, capstan, catenary, crossing, twist
 
 ROOT = Path(__file__).parents[2]
 
@@ -62,6 +62,12 @@ def test_ropes_of_which_one_slips_aside_are_not_said_to_rest(bench: ModuleType) 
     """Led down in a wind of a thousandth of its weight, it slips by a twentieth of its length at 0.1."""
     with pytest.raises(RuntimeError, match="snap on the way"):
         run(crossing.crossing, bench.Statics(), values={"drop": 0.1})
+
+
+def test_six_rods_whose_ends_turn_are_told_not_to_be_ours(bench: ModuleType) -> None:
+    result = run(twist.twist, bench.Statics())
+    assert result.trajectory is None
+    assert "ends that move" in result.missing
 
 
 @pytest.mark.parametrize("tension", [1.0, 10.0, 30.0])
