@@ -99,6 +99,9 @@ OF_A_KIND = {
     (156, 3, "lift"): "a rough lift laid flat: the judge sees its mesh's error, 2.3e-4, it says 2.9 % in all",
     (156, 18, "tray"): "on a rough tray, on a finer path: a contact is said to stick and has moved 5e-3 L",
     (156, 19, "slot"): "in a rough slot, on a finer path: it slides 6.9e-4 L the way its friction pushes",
+    (157, 0, "lift"): "a rough lift: at its clamp friction is 20 % less than it asks for, at one pose",
+    (157, 6, "lift"): "a rough lift laid flat and turned, told in 4 times as many poses: 2.4 % at the last",
+    (157, 14, "lift"): "a rough lift laid flat in five poses likewise: 1.5 % at the last",
     (154, 9, "ball"): "a light cable on a rough ball: it falls, and friction is forgotten",
 }
 """By seed, index and kind."""
