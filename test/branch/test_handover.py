@@ -11,7 +11,7 @@ from zoo_drawn import in_slot
 
 from cable_ros import Tracker
 from cable_ros.bench.cases import Case, case_scene
-from cable_ros.bench.drawn import drawn_case
+from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.branch import handover
 from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
 from cable_ros.contact.friction_kernels import COULOMB
@@ -121,9 +121,7 @@ def lift() -> Case:
     Its first step is told in three: in one it goes to a grid with some last bits.
     """
     case = drawn_case(130, 102, 1e-4)
-    first, second = (np.array(list(pose.values())) for pose in case.path[:2])
-    poses = first + np.linspace(0.0, 1.0, 4)[:, None] * (second - first)
-    return replace(case, path=[dict(zip(case.path[0], pose.tolist(), strict=True)) for pose in poses])
+    return replace(case, path=refined(case.path[:2], 3))
 
 
 @pytest.mark.parametrize("cells", [96, 128, 204])

@@ -11,7 +11,7 @@ import pytest
 from references.hose_paths import known
 
 from cable_ros import Tracker, load_scene
-from cable_ros.bench.drawn import drawn_case
+from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.bench.metamorphic import follow
 from cable_ros.contact.path_error import FADES, LARGEST, NONE, PART, PathError
 
@@ -99,10 +99,7 @@ def test_hoses_say_how_far_off_they_are(name: str) -> None:
 def test_a_cable_that_has_been_taut_says_what_it_is_off_now() -> None:
     """On a rough tray, drawn to a force of 70 EI / L^2 and back to a tenth of that: it said 18 % there."""
     case = drawn_case(156, 12, 1e-4, "tray")
-    path = [case.path[0]]
-    for a, b in itertools.pairwise(case.path):
-        path += [{name: 0.5 * (a[name] + b[name]) for name in a}, b]
-    found, finer = follow(case).found, follow(case, path)
+    found, finer = follow(case).found, follow(case, refined(case.path, 2))
     told = np.array([one.error_estimate for one in found])
     off = [finer.difference(a, b, i) for i, (a, b) in enumerate(zip(found, finer.found[::2], strict=True))]
     assert all(one.status.trusted for one in found)
