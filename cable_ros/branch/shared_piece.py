@@ -389,12 +389,11 @@ class SharedPiece(CableTracker):
             rod.work = self._full_budget
             found = snap_through(rod, self._q, self._F, there, descend)
             if found is not None:
-                break
+                self._q, self._F, self._joints, self._begin = found.q, found.F, joints, place.begin
+                self._spent += found.iterations
+                return True
             rod.refactor(self._q, self._F)  # the descent has left other factors
-        if found is not None:
-            self._q, self._F, self._joints, self._begin = found.q, found.F, joints, place.begin
-            self._spent += found.iterations
-        return found is not None
+        return False
 
     def flow(self, kinematics: Kinematics, joints: np.ndarray, place: Place) -> bool:
         """Fall at a place nearby as if in a viscous medium, with friction; if not, nothing has moved."""
