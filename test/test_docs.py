@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import ast
 import importlib
-import importlib.util
 import re
 import shlex
 from pathlib import Path
 
 import pytest
 from pages import blocks
+from scripts import script
 
 import cable_ros.ros
 from cable_ros.cli import main as frame
@@ -74,15 +74,11 @@ def test_every_page_is_listed():
     assert listed == {page.name for page in PAGES} - {"README.md"}
 
 
-REFERENCE = importlib.util.spec_from_file_location("reference", ROOT / "docs" / "reference.py")
-
-
 @pytest.mark.parametrize("page", ["scene.md", "parameters.md", "commands.md"])
 def test_what_the_code_knows_best_is_what_it_says(page):
     if page == "parameters.md":
         pytest.importorskip("rclpy")
-    reference = importlib.util.module_from_spec(REFERENCE)
-    REFERENCE.loader.exec_module(reference)
+    reference = script("docs/reference.py")
     assert set(reference.PAGES) == {"scene.md", "parameters.md", "commands.md"}
     kept = (ROOT / "docs" / page).read_text(encoding="utf-8")
     assert kept == reference.PAGES[page](), "run python docs/reference.py"

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from scripts import need_arm, script
 
 from cable_ros import Tracker, load_scene
 from cable_ros.joint import joint_load
@@ -18,16 +17,8 @@ pytest.importorskip("trimesh", reason="the arm's meshes need trimesh")
 
 @pytest.fixture(scope="module")
 def example() -> ModuleType:
-    path = Path(__file__).parents[1] / "examples" / "dress_pack.py"
-    spec = importlib.util.spec_from_file_location("dress_pack_example", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    try:
-        module.urdf()
-    except FileNotFoundError as error:
-        pytest.skip(str(error))
+    module = script("examples/dress_pack.py")
+    need_arm(module)
     return module
 
 

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from scripts import need_arm, script
 
 from cable_ros import Tracker, load_scene
 from cable_ros.equilibrium import Status
@@ -19,16 +18,8 @@ pytest.importorskip("tqdm", reason="the benchmark shows its progress")
 
 @pytest.fixture(scope="module")
 def packs() -> ModuleType:
-    path = Path(__file__).parents[1] / "benchmarks" / "random_dress_packs.py"
-    spec = importlib.util.spec_from_file_location("random_dress_packs_benchmark", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    try:
-        module.dress_pack.urdf()
-    except FileNotFoundError as error:
-        pytest.skip(str(error))
+    module = script("benchmarks/random_dress_packs.py")
+    need_arm(module.dress_pack)
     return module
 
 

@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -15,19 +12,12 @@ pytest.importorskip("cosseratbench", reason="the extra 'benchmarks' is not insta
 
 from cosseratbench.experiment import run
 from cosseratbench.experiments import cantilever, capstan, catenary, crossing, twist
-
-ROOT = Path(__file__).parents[2]
+from scripts import script
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("cosserat_bench", ROOT / "benchmarks" / "cosserat_bench.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, spec.name, module)  # cosseratbench reads the solver's source
-    spec.loader.exec_module(module)
-    return module
+def bench() -> ModuleType:
+    return script("benchmarks/cosserat_bench.py")
 
 
 def test_a_cantilever_is_the_elastica(bench: ModuleType) -> None:

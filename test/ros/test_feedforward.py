@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,21 +12,14 @@ pytest.importorskip("rclpy", reason="rclpy is not on this machine")
 pytest.importorskip("pinocchio", reason="the arm's kinematics need Pinocchio")
 
 from robot import WITHOUT_SHARED_MEMORY
+from scripts import script
 
-ROOT = Path(__file__).parents[2]
 TIMEOUT, RAMP, STEP = 0.1, 0.5, 0.005  # s
-
-
-def load(path):
-    spec = importlib.util.spec_from_file_location(f"{path.stem}_under_test", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture
 def logic():
-    return load(ROOT / "examples" / "feedforward.py").FeedForward(["a", "b"], TIMEOUT, RAMP)
+    return script("examples/feedforward.py").FeedForward(["a", "b"], TIMEOUT, RAMP)
 
 
 def drive(logic, begin, seconds, answer=None):
@@ -106,7 +97,7 @@ def test_a_weak_joint_errs_less_and_is_left_alone_when_the_node_dies(monkeypatch
 
 
 def lead_a_weak_joint():
-    bench = load(ROOT / "benchmarks" / "feedforward.py")
+    bench = script("benchmarks/feedforward.py")
     period = 6.0
     with bench.Run(period) as run:
         run.listen(2 * RAMP)  # the joint settles
