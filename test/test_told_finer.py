@@ -45,12 +45,18 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         # slip turns back as the force falls: it went on the way its friction pushed
         ((145, 37, "slot"), 11),
         ((146, 45, "beams"), 34),
-        ((145, 91, "beams"), 5),
         # a point that slipped sticks where the ball turns back, and is pulled along
         ((145, 81, "ball"), 11),
         # points that stick and roll: a cable turns over on a table, and one leaves the middle of a drum
         ((152, 15, "table"), 9),
         ((149, 17), 5),
+        # slip that turns otherwise than before, or has a corner where something lands
+        ((134, 13), 11),
+        ((136, 24), 41),
+        ((137, 1), 11),
+        # points come to rest amid a step: they stick at its end, or still slip a little
+        ((155, 17, "drum"), 17),
+        ((155, 9, "rollers"), 9),
     ],
 )
 def test_the_same_told_in_more_poses(key: Key, poses: int) -> None:

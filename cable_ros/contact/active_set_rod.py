@@ -30,6 +30,7 @@ from cable_ros.contact.points import (
     SPARED,
 )
 from cable_ros.contact.report import coefficients, listed
+from cable_ros.contact.slip_kernels import note_slip
 from cable_ros.contact.symmetry import leaves_plane
 from cable_ros.contact.travel import (
     SHORTER,
@@ -286,7 +287,7 @@ class ActiveSetRod(FrictionalRod):
         forked = self.count < kept[1] and self._holds_alone()
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
-            self.stride = self._friction_stride(F, q_new, F_new, obstacles, self.count > kept[1])
+            self.stride = self._friction_stride(F, q_new, F_new, obstacles, self.count > kept[1], distance)
             farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
             if iterations > EASY and self._turns_back():
@@ -323,6 +324,8 @@ class ActiveSetRod(FrictionalRod):
         self.set_conditions(qe, re, f, obstacles)
         if not self.tentative:
             self.follow(distance, F, F_new)
+            if distance > 0.0:
+                note_slip(self.points, self.count, distance)
         self.forked = self.forked or forked
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.loaded = loaded if self.rotation > 0.0 else 0.0

@@ -34,6 +34,7 @@ from cable_ros.contact.points import (
     OBSTACLE,
     POINT,
     SHIFT,
+    SLIP_BEFORE,
     SWINGS,
     WAS,
 )
@@ -171,7 +172,7 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
     """
     points, gaps, normals = contacts
     at, other = surface(), surface()
-    before, turned, old = np.empty(3), np.empty(3), np.empty(3)
+    before, turned, slid, old = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     flips, alone = 0, history.model == FRICTIONLESS
     for i in range(count):
         alone = alone and points[i, KIND] == POINT  # beside a patch a cable is curved as that asks for
@@ -210,7 +211,8 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
             curve = history.closed if points[i, INTERFACE] >= 0.0 else history.c
             position(curve, history.h, history.s0, s, before)
             for a in range(3):
-                turned[a] = points[i, BEFORE + a]
+                turned[a], slid[a] = points[i, BEFORE + a], points[i, SLIP_BEFORE + a]
+            carry(history.obstacles[o], obstacle, np.zeros(3), slid)
             carry(history.obstacles[o], obstacle, before, turned)
             for a in range(3):
                 before[a] = 0.0 if initial else at.r[a] - before[a]
@@ -228,7 +230,7 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
                     before[a] -= 0.5 * (s - points[i, WAS]) * (at.t[a] - old[a])
             stiffness = stick_stiffness(points[i], mu * points[i, FORCE], history)
             if not held:
-                increment, limit = (before, turned, initial), terms.tangents[i]
+                increment, limit = (before, turned, slid, initial), terms.tangents[i]
                 flips += update_friction(points, i, at, mu, history, stiffness, increment, limit)
             for a in range(3):
                 terms.misfits[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / stiffness

@@ -10,17 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
-from cable_ros.contact.distance import FRICTION_COEFFICIENT
+from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.points import (
-    BEFORE,
     FORCE,
     FRICTION,
     KIND,
     LENGTH,
-    OBSTACLE,
     POINT,
     SAMPLE,
+    SLIP,
     SLIPS,
     STICK_ROW,
     WAS,
@@ -75,15 +73,16 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
         mu: coefficient of friction.
         history: `History`.
         stiffness: of its stick, EI / L^3.
-        increment: (3,) the increment since the last equilibrium, L; (3,) the friction then, turned with the
-            obstacle, EI / L^2; whether to take that friction, sticking or slipping as then.
+        increment: (3,) the increment since the last equilibrium, L; (3,) the friction then, EI / L^2, and
+            (3,) the slip of the step before, L, both turned with the obstacle; whether to take that friction,
+            sticking or slipping as then.
         limit: (TANGENT,) receives the tangent: direction of the slip force (zero: it sticks), direction
             across it, stiffness across, EI / L^3.
 
     Returns:
         Whether it began to stick or to slip.
     """
-    step, turned, initial = increment
+    step, turned, slid, initial = increment
     n, t, direction = at.n, at.t, history.direction
     for a in range(TANGENT):
         limit[a] = 0.0
@@ -153,7 +152,12 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
         return slips or points[i, STICK_ROW] == 0.0
     for a in range(3):
         limit[DIRECTION + a] = trial[a] / size
-    ahead = 1.0 if initial or points[i, KIND] != POINT else lead(limit[DIRECTION:ACROSS], turned, n, cone)
+    ahead = 1.0
+    if points[i, KIND] == POINT and not initial:
+        slip = points[i, SLIP : SLIP + 3]
+        for a in range(3):
+            slip[a] = step[a]
+        ahead = lead(limit[DIRECTION:ACROSS], turned, (slid, slip), n, cone)
     for a in range(3):
         points[i, FRICTION + a] = cone * limit[DIRECTION + a]
     d0, d1, d2 = limit[DIRECTION], limit[DIRECTION + 1], limit[DIRECTION + 2]
@@ -165,23 +169,36 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
 
 
 @njit(**LEAF)
-def lead(direction, before, n, cone):
+def lead(direction, before, slips, n, cone):
     """Turn the mean direction of friction in a step, (3,), on to that at its end; by how much more it turns.
 
-    The increment tells the mean, from which the friction `before`, (3,), was on the other side: half as far
-    again leaves a sixth of a step's turn where it was half of one. Not where the way has a corner.
+    As a backward difference of second order in the length of slip: the mean is the direction half way, the
+    step before tells that half way there, and the way goes on turning. Of what stuck then, the friction
+    `before` tells where slip began: half of the turn since is added, a quarter of a step's is left. Not where
+    the way has a corner.
+
+    Args:
+        direction: is overwritten.
+        before: (3,) friction at the last equilibrium, EI / L^2.
+        slips: (3,) slip in the step before and (3,) in this one, L. The former is overwritten, the latter
+            loses what is along n.
+        n: (3,) the normal.
+        cone: largest possible friction, EI / L^2.
     """
-    off, size, along, norm = 0.0, 0.0, 0.0, 0.0
+    slid, slip = slips
+    size, part = across(slid, n), across(slip, n)
+    if size > AT_REST:
+        part /= size + part
+    else:
+        for a in range(3):
+            slid[a] = -before[a]
+        size, part = max(across(slid, n), cone), LEAD
+    along, norm = 0.0, 0.0
     for a in range(3):
-        off += before[a] * n[a]
+        along -= direction[a] * slid[a] / size
+    part *= max(along, 0.0) ** STRAIGHT
     for a in range(3):
-        size += (before[a] - off * n[a]) ** 2
-    size = max(np.sqrt(size), cone)
-    for a in range(3):
-        along += direction[a] * before[a] / size
-    part = LEAD * max(along, 0.0) ** STRAIGHT
-    for a in range(3):
-        direction[a] = (1.0 + part) * direction[a] - part * (before[a] - off * n[a]) / size
+        direction[a] = (1.0 + part) * direction[a] + part * slid[a] / size
         norm += direction[a] * direction[a]
     norm = np.sqrt(norm)
     for a in range(3):
@@ -189,18 +206,13 @@ def lead(direction, before, n, cone):
     return (1.0 + part) / norm
 
 
-@njit(**LEAF_ENTRY)
-def slip_change(points, count, obstacles):
-    """Sum of the changes of friction in a step where it slips, and that of all possible friction, EI / L^2.
-
-    Args:
-        points, count: (CAPACITY, COLUMNS) the contact points and their number.
-        obstacles: (o, WIDTH).
-    """
-    change, possible = 0.0, 0.0
-    for i in range(count):
-        possible += points[i, FORCE] * obstacles[int(points[i, OBSTACLE]), FRICTION_COEFFICIENT]
-        if points[i, SLIPS] == 1.0:
-            for a in range(3):
-                change += abs(points[i, FRICTION + a] - points[i, BEFORE + a])
-    return change, possible
+@njit(**LEAF)
+def across(vector, n):
+    """Take the part along the normal n (3,) off the vector (3,); returns the size of the rest."""
+    off, size = 0.0, 0.0
+    for a in range(3):
+        off += vector[a] * n[a]
+    for a in range(3):
+        vector[a] -= off * n[a]
+        size += vector[a] * vector[a]
+    return np.sqrt(size)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from cable_ros.contact.fixed_set import FixedSetRod
-from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, slip_change
+from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.path_error import NONE
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -20,6 +20,7 @@ from cable_ros.contact.points import (
     POINT,
     SLIPS,
 )
+from cable_ros.contact.slip_kernels import slip_bend, slip_change, stops
 from cable_ros.contact.travel import (
     CONTACT_STEP,
     FORCE_CHANGE,
@@ -39,8 +40,6 @@ from cable_ros.rod.elements import Mesh
 
 NEAR_LIMIT = 0.9
 """Least friction, over the largest possible, of what may go on slipping on another mesh: pressures change."""
-SLIPPED = 0.9
-"""Least friction before a step, over that after it, of a point that slipped then too, and has only turned."""
 SHORT_STEP = 1e-3
 """Length of a step, L, below which what sticks along a patch is firmer."""
 STIFF_FORCE = 160.0
@@ -138,20 +137,22 @@ class FrictionalRod(FixedSetRod):
         return quaternion.largest_rotation(before, q_new)
 
     def _friction_stride(
-        self, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray, landed: bool
-    ) -> float:
+        self, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray, landed: bool,
+        distance: float,
+    ) -> float:  # fmt: skip
         """By how much the next step may be longer than one that ended at (q_new, F_new); see `travel.stride`.
 
         Args:
             F, q_new, F_new: the end force (3,) before, the new shape (n, 4) and end force.
             obstacles: as in `distance.gap`.
             landed: whether something has come down, which slips the way that it did in all of the step.
+            distance: its length, L.
         """
         force = float(np.linalg.norm(F_new))
         slack = force < TAUT and not self.creeps  # near taut its force changes in any step
         most = (LYING_CHANGE if slack else TAUT_CHANGE) if self.has_patch else POINTS_CHANGE
         longest = stride(self._friction_change(q_new, F_new, obstacles, most), most)
-        if landed or (self.has_patch and slack):
+        if landed or stops(self.points, self.count, distance) or (self.has_patch and slack):
             larger = max(float(np.linalg.norm(F)), force, self.least)
             change = float(np.linalg.norm(F_new - F)) / larger
             most = FORCE_CHANGE if self.has_patch else LANDING_CHANGE
@@ -168,18 +169,16 @@ class FrictionalRod(FixedSetRod):
     def _friction_change(self, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray, most: float) -> float:
         """Relative change, in a step to q, of the friction of what slips; 0 if it is below `most` anyway.
 
-        At points alone, how friction turns; along a patch, how it changes across the cable.
+        At points alone, how otherwise it turns than before; along a patch, how it changes across the cable.
         """
         change, possible = slip_change(self.points, self.count, obstacles)
         possible = max(possible, math.sqrt(F.dot(F)))
-        if change <= SHORTER * most * possible:
+        if change == 0.0 or (self.has_patch and change <= SHORTER * most * possible):
             return 0.0
+        if not self.has_patch:
+            return slip_bend(self.points, self.count) / possible
         points = self.points[: self.count]
         slips = points[points[:, SLIPS] == 1.0]
-        now, before = slips[:, FRICTION:BEFORE], slips[:, BEFORE : BEFORE + 3]
-        if self.has_patch:
-            along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
-            return float(np.linalg.norm(np.cross(along, now - before), axis=1).sum()) / possible
-        size, was = np.linalg.norm(now, axis=1), np.linalg.norm(before, axis=1)
-        same = np.where(was > SLIPPED * size, size / np.maximum(was, 1e-300), 1.0)
-        return float(np.linalg.norm(now - same[:, None] * before, axis=1).sum()) / possible
+        turned = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
+        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
+        return float(np.linalg.norm(np.cross(along, turned), axis=1).sum()) / possible

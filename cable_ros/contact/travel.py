@@ -16,16 +16,17 @@ friction depends on the path between two poses, which is taken to be straight. I
 hoses were half as far off again."""
 POINTS_CHANGE, LYING_CHANGE = 0.03, 0.06
 """Maximum change in a step of the friction of what slips, relative to all possible friction, where the cable
-touches at points alone, and where it lies: within a step slip has one direction. With 0.08 and 0.24 wrenches
-differed by 1 to 2 % from those of finer steps, with 0.04 at points one by 1.1 %. Where turns along the cable
-counted for a quarter, a leg stuck in a corner beside one that slid was 6 % off, another one 32 %."""
+touches at points alone, see `slip_kernels.slip_bend`, and where it lies: along a patch slip has one direction
+in a step. With 0.08 and 0.24 wrenches differed by 1 to 2 % from those of finer steps. Where turns along the
+cable counted for a quarter, a leg stuck in a corner beside one that slid was 6 % off, another one 32 %."""
 FORCE_CHANGE, TAUT_FORCE_CHANGE = 0.1, 0.3
 """Maximum relative change of the end force in a step where the cable lies, or contact begins; and in one in
 which that begins on a cable near TAUT. A hose whose end force falls to a third in 0.02 L was 10 % off in one
 step, a lift drawn sideways and back 2.1 % with 0.2, a ball's first touch 3.4 % with 0.3."""
-LANDING_CHANGE = 0.03
-"""The first where contact begins at a point: when in the step is not known. With 0.1 what stuck from there on
-was 1 to 7 % off."""
+LANDING_CHANGE = 0.01
+"""The first where contact begins at a point, or one that slipped stops: when in the step is not known. With
+0.1 what stuck from there on was 1 to 7 % off, with 0.03 a point that slid beside one which landed 1.4 %; with
+no limit one that stopped amid a step was 2 to 3 % off."""
 TAUT, TAUT_CHANGE = 500.0, 0.12
 """Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle, and the limit of the
 change of friction where such a cable lies, instead of both: its force changes in ever shorter steps."""

@@ -12,7 +12,18 @@ from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.contact.contact_state import History, surface
 from cable_ros.contact.distance import WIDTH
 from cable_ros.contact.friction_kernels import COULOMB, DIRECTION, TANGENT, lead, update_friction
-from cable_ros.contact.points import COLUMNS, SLIPS
+from cable_ros.contact.points import (
+    BEFORE,
+    COLUMNS,
+    FRICTION,
+    KIND,
+    SAMPLE,
+    SLIP,
+    SLIP_BEFORE,
+    SLIPS,
+    STEP_BEFORE,
+)
+from cable_ros.contact.slip_kernels import FOLLOWED, note_slip, slip_bend, stops
 
 NORMAL = np.array([0.0, 0.0, 1.0])
 
@@ -21,25 +32,46 @@ def at(angle: float) -> np.ndarray:
     return np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
-def led(mean: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, float]:
-    """The direction at the end of a step, and by how much more it turns than the mean one."""
-    direction = mean.copy()
-    return direction, lead(direction, before, NORMAL, 1.0)
+def led(
+    mean: np.ndarray, before: np.ndarray, slid: np.ndarray | None = None, long: float = 1.0
+) -> tuple[np.ndarray, float]:
+    """The direction of friction at the end of a step, and by how much more it turns than the mean one.
+
+    `before`: friction at its beginning; `slid`: slip in the step before, None: it stuck. This one is `long`.
+    """
+    direction, slips = mean.copy(), (np.zeros(3) if slid is None else slid.copy(), -long * mean)
+    return direction, lead(direction, before, slips, NORMAL, 1.0)
 
 
-@pytest.mark.parametrize("turn", [0.01, 0.1, 0.2])
-def test_slip_that_turns_steadily_lags_by_a_sixth_of_a_step(turn: float) -> None:
-    friction = at(0.0)
+def lag(turn: float, ratio: float) -> float:
+    """By how much friction lags behind slip along a circle by `turn` a step, every second `ratio` as long."""
+    angle, friction, slid = 0.0, at(0.0), None
     for step in range(40):
-        friction, _ = led(at((step + 0.5) * turn), friction)
-    lag = 40 * turn - np.unwrap([39.5 * turn, float(np.arctan2(friction[1], friction[0]))])[1]
-    # the power of the cosine takes a little of it, by the square of the turn
-    assert lag == pytest.approx(turn / 6.0, rel=0.01 + 4.0 * turn**2)
+        size = turn * (ratio if step % 2 else 1.0)
+        mean = at(angle + 0.5 * size)
+        friction, _ = led(mean, friction, slid, size)
+        angle, slid = angle + size, -size * mean
+    return angle - float(np.unwrap([angle, float(np.arctan2(friction[1], friction[0]))])[1])
 
 
+@pytest.mark.parametrize("ratio", [0.2, 1.0])
+def test_slip_that_turns_steadily_is_followed_to_third_order(ratio: float) -> None:
+    """The mean direction lags by half a turn. What is left is of the cosine by which the lead fades."""
+    coarse, fine = lag(0.2, ratio), lag(0.1, ratio)
+    assert coarse < 0.02
+    assert np.log2(coarse / fine) == pytest.approx(3.0, abs=0.2)
+
+
+def test_the_first_slip_lags_by_a_quarter() -> None:
+    """Friction of what stuck tells where slip began: half of the turn from there is followed."""
+    friction, _ = led(at(0.05), at(0.0))
+    assert np.arctan2(friction[1], friction[0]) == pytest.approx(0.075, rel=0.02)
+
+
+@pytest.mark.parametrize("slid", [None, -at(0.0)])
 @pytest.mark.parametrize("corner", [1.2, 0.5 * np.pi, np.pi])
-def test_at_a_corner_slip_goes_where_it_went(corner: float) -> None:
-    direction, factor = led(at(corner), at(0.0))
+def test_at_a_corner_slip_goes_where_it_went(corner: float, slid: np.ndarray | None) -> None:
+    direction, factor = led(at(corner), at(0.0), slid)
     assert np.abs(direction - at(corner)).max() < 1e-3
     assert factor == pytest.approx(1.0, abs=1e-3)
 
@@ -50,11 +82,56 @@ def test_what_did_not_rub_does_not_turn_slip() -> None:
     assert factor == 1.0
 
 
-def test_how_much_more_it_turns() -> None:
+@pytest.mark.parametrize("slid", [None, -at(0.0)])
+def test_how_much_more_it_turns(slid: np.ndarray | None) -> None:
     """The factor is the derivative across, where the part of the turn that follows does not change itself."""
     small = 1e-6
-    (ahead, factor), (behind, _) = (led(at(sign * small), at(0.0)) for sign in (1.0, -1.0))
+    (ahead, factor), (behind, _) = (led(at(sign * small), at(0.0), slid) for sign in (1.0, -1.0))
     assert (ahead - behind)[1] / (2.0 * small) == pytest.approx(factor, rel=1e-6)
+
+
+def slipped(slip: float, slid: float, turn: float = 0.0, curve: float = 0.0) -> np.ndarray:
+    """(1, COLUMNS) a point that slipped `slid` in a step of length 1 along a way that is curved by `curve`,
+    and then `slip`; by its end the way has turned by `turn` more than that.
+    """
+    points = np.zeros((1, COLUMNS))
+    points[0, SLIP_BEFORE : SLIP_BEFORE + 3] = slid * at(0.0)
+    points[0, STEP_BEFORE], points[0, SLIPS] = 1.0, 1.0
+    begun = 0.5 * slid * curve
+    points[0, SLIP : SLIP + 3] = slip * at(begun + 0.5 * (slip * curve + turn))
+    points[0, BEFORE : BEFORE + 3] = -at(begun)
+    points[0, FRICTION : FRICTION + 3] = -at(begun + slip * curve + turn)
+    return points
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0, 3.0])
+def test_what_slows_down_evenly_stops_where_its_speed_is_zero(step: float) -> None:
+    """Its speed, 1 at first, falls with the path to 0 at `rest`; the step before ends at 1."""
+    for rest in (1.0 + 0.99 * step, 1.0 + 1.01 * step):
+        slid = 1.0 - 0.5 / rest
+        slip = (1.0 + step) * (1.0 - 0.5 * (1.0 + step) / rest) - slid
+        assert stops(slipped(slip, slid), 1, step) == (rest < 1.0 + step)
+    stuck = slipped(1.0, 1.0)
+    stuck[0, SLIPS] = 0.0
+    assert stops(stuck, 1, step)
+    assert not stops(slipped(1.0, 0.0), 1, step)
+
+
+def test_a_way_that_goes_on_turning_counts_little_and_what_it_turns_otherwise_all() -> None:
+    steady, more = slip_bend(slipped(0.1, 0.2, 0.0, 0.3), 1), slip_bend(slipped(0.1, 0.2, 0.05, 0.3), 1)
+    assert steady == pytest.approx(FOLLOWED * 0.1 * 0.3, rel=0.01)
+    assert more == pytest.approx(0.05, rel=0.02)
+    assert slip_bend(slipped(0.1, 0.0, 0.05), 1) == pytest.approx(0.05, rel=0.01)
+
+
+def test_only_a_point_that_slips_remembers_it() -> None:
+    points = np.repeat(slipped(0.1, 0.2, 0.05, 0.3), 3, axis=0)
+    points[1, SLIPS], points[2, KIND] = 0.0, SAMPLE
+    note_slip(points, 3, 0.7)
+    kept = points[:, SLIP_BEFORE : SLIP_BEFORE + 3]
+    assert (kept[0] == points[0, SLIP : SLIP + 3]).all()
+    assert not kept[1:].any()
+    assert (points[:, STEP_BEFORE] == 0.7).all()
 
 
 @pytest.mark.parametrize(("moved", "slips"), [(1e-4, True), (1e-8, False)])
@@ -64,7 +141,7 @@ def test_what_lands_slips_with_its_friction_at_once(moved: float, slips: bool) -
     there, curves = surface()._replace(n=NORMAL, t=at(0.5)), np.zeros((2, 1, 1, 3))
     last = *curves, np.zeros(1), np.zeros(1), np.zeros((1, WIDTH))
     history = History(COULOMB, np.zeros(3), 0.0, 1.0, *last)
-    update_friction(points, 0, there, 0.3, history, 1e8, (step, np.zeros(3), False), tangent)
+    update_friction(points, 0, there, 0.3, history, 1e8, (step, *np.zeros((2, 3)), False), tangent)
     assert bool(points[0, SLIPS]) == slips
     against = tangent[DIRECTION : DIRECTION + 3]
     np.testing.assert_allclose(against, -at(2.0) if slips else np.zeros(3), atol=1e-12)

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled: how far contact points slip in a step, and how that differs from the step before.
+
+Friction follows the direction of slip at a step's end as far as slip goes on as it did, see
+`friction_kernels.lead`. Where it does not, shorter steps have to tell.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.compilation import LEAF, LEAF_ENTRY, njit
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
+from cable_ros.contact.friction_kernels import AT_REST
+from cable_ros.contact.points import (
+    BEFORE,
+    FORCE,
+    FRICTION,
+    KIND,
+    OBSTACLE,
+    POINT,
+    SLIP,
+    SLIP_BEFORE,
+    SLIPS,
+    STEP_BEFORE,
+)
+
+FOLLOWED = 0.3
+"""Part of a turn that counts even if `lead` follows it: a tenth of a radian in a step, over which it fades by
+4 %."""
+SLIPPED = 0.9
+"""Least friction before a step, over that after it, of a point that slipped then too, and has only turned."""
+
+
+@njit(**LEAF_ENTRY)
+def note_slip(points, count, step):
+    """Keep how far the points slipped in a step that has been taken.
+
+    Args:
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        step: its length, L.
+    """
+    for i in range(count):
+        slipped = points[i, SLIPS] == 1.0 and points[i, KIND] == POINT
+        for a in range(3):
+            points[i, SLIP_BEFORE + a] = points[i, SLIP + a] if slipped else 0.0
+        points[i, STEP_BEFORE] = step
+
+
+@njit(**LEAF_ENTRY)
+def stops(points, count, step):
+    """Whether a point that slipped in the step before has come to rest within this one.
+
+    It sticks, or slips so little that, slowing down evenly, it has stopped on the way: its speed at the end
+    is a backward difference of second order.
+
+    Args:
+        points, count, step: as in `note_slip`.
+    """
+    for i in range(count):
+        slip, slid = points[i, SLIP : SLIP + 3], points[i, SLIP_BEFORE : SLIP_BEFORE + 3]
+        if points[i, KIND] != POINT or norm(slid) <= AT_REST:
+            continue
+        ratio, along = step / points[i, STEP_BEFORE], 0.0
+        for a in range(3):
+            along += slip[a] * slid[a] if points[i, SLIPS] == 1.0 else 0.0
+        if (1.0 + 2.0 * ratio) * along <= (ratio * norm(slid)) ** 2:
+            return True
+    return False
+
+
+@njit(**LEAF_ENTRY)
+def slip_change(points, count, obstacles):
+    """Sum of the changes of friction in a step where it slips, and that of all possible friction, EI / L^2.
+
+    Args:
+        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        obstacles: (o, WIDTH).
+    """
+    change, possible = 0.0, 0.0
+    for i in range(count):
+        possible += points[i, FORCE] * obstacles[int(points[i, OBSTACLE]), FRICTION_COEFFICIENT]
+        if points[i, SLIPS] == 1.0:
+            for a in range(3):
+                change += abs(points[i, FRICTION + a] - points[i, BEFORE + a])
+    return change, possible
+
+
+@njit(**LEAF_ENTRY)
+def slip_bend(points, count):
+    """Sum of what slip turns otherwise in a step than it did in the one before, times friction, EI / L^2.
+
+    That much of the turn `lead` does not follow; of what it does, FOLLOWED counts. All of a turn does where
+    nothing slipped in the step before.
+
+    Args:
+        points, count: (CAPACITY, COLUMNS) the contact points, POINT each, and their number.
+    """
+    total = 0.0
+    for i in range(count):
+        if points[i, SLIPS] == 0.0:
+            continue
+        now, before = points[i, FRICTION:BEFORE], points[i, BEFORE : BEFORE + 3]
+        slip, slid = points[i, SLIP : SLIP + 3], points[i, SLIP_BEFORE : SLIP_BEFORE + 3]
+        size, was, long = norm(now), norm(before), norm(slid)
+        # friction that has only grown or shrunk has not turned
+        same = size / was if was > SLIPPED * size and was > 0.0 else 1.0
+        turn, bend = 0.0, 0.0
+        for a in range(3):
+            one = now[a] - same * before[a]
+            turn += one * one
+            if long > AT_REST and was > 0.0:
+                # the turn over the second half of the step before goes on
+                one -= 2.0 * norm(slip) / long * size * (before[a] / was + slid[a] / long)
+            bend += one * one
+        total += max(np.sqrt(bend), FOLLOWED * np.sqrt(turn))
+    return total
+
+
+@njit(**LEAF)
+def norm(v):
+    """Of the vector v (3,)."""
+    return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
