@@ -69,7 +69,6 @@ DRAWN = {
     (115, 58): "a leg that sticks in a rough corner: at two poses it is neutral to the judge, who says 4e-4",
     (140, 33): "heavy, over rough beams, pulled until taut: 96 % of the way to a pose",
     (141, 13): "a hose, on a finer path: it slides 1.2e-3 L the way its friction pushes",
-    (141, 33): "a rough lift laid flat, in 4 times as many poses: 3.1 % at the last, it says 1.4 %",
     (144, 27): "a weightless cable on a rough ball, told in 4 times as many poses: 1.0 %",
     (144, 29): "weightless, over rough beams, pulled until taut: a pose is reported",
     (153, 86): "a heavy hose on a finer path: it slides 8e-4 L the way its friction pushes",
@@ -83,7 +82,6 @@ DRAWN = {
 OF_A_KIND = {
     (154, 22, "beams"): "along a rough beam: a grid's error is too large at most poses",
     (154, 0, "lift"): "a smooth lift, whose start the judge sees 1.7e-3 off: elsewhere it verifies the same",
-    (154, 7, "lift"): "a rough lift laid flat, told in 4 times as many poses: 4.4 % at the last",
     (154, 8, "lift"): "a rough lift, on a finer path: it slides 1.1e-3 L the way its friction pushes",
     (154, 11, "lift"): "a rough lift led aside, on a grid: a contact is said to stick and has moved 4e-3 L",
     (155, 7, "rollers"): "taut over rough rollers, at 7e4 EI / L^2: 2.8 %, told in 4 times as many poses",
@@ -95,8 +93,6 @@ OF_A_KIND = {
     (156, 18, "tray"): "on a rough tray, on a finer path: a contact is said to stick and has moved 5e-3 L",
     (156, 19, "slot"): "in a rough slot, on a finer path: it slides 6.9e-4 L the way its friction pushes",
     (157, 0, "lift"): "a rough lift: at its clamp friction is 20 % less than it asks for, at one pose",
-    (157, 6, "lift"): "a rough lift laid flat and turned, told in 4 times as many poses: 2.4 % at the last",
-    (157, 14, "lift"): "a rough lift laid flat in five poses likewise: 1.5 % at the last",
     (145, 91, "beams"): "two legs like mirror images are to slip: which does, 1.9 %, the steps decide",
     (154, 9, "ball"): "a light cable on a rough ball: it falls, and friction is forgotten",
 }

@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 
-from cable_ros.branch import handover
 from cable_ros.branch.branch_record import Loss
 from cable_ros.branch.cable_model import CLAMP_DEPTH
 from cable_ros.branch.cold_start import (
@@ -271,7 +270,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
 
         distance = largest_difference(joints, origin)
         longest = LONGEST / max(distance, LONGEST)
-        fallback = handover.nodal if rod.replaceable else None
+        fallback = self._on_grid if rod.replaceable else None
         first, self._share = longest * min(rod.stride, rod.first_stride, self._share), 1.0
         tolerance = ALGEBRAIC * self.tolerance
         untried = rod.work <= 0.0 < self._budget  # one step to the pose itself has used it up

@@ -185,7 +185,9 @@ class TrackedEquilibrium(CableModel):
             self._off_grid.shorten()
         rod = self._rod
         due = rod.rotation == 0.0 or not self._estimate <= self.tolerance or rod.contact_changed()
-        if due and not rod.on_grid:
+        # on the way to a pose a new mesh costs what lies more of friction's history than the old one's error
+        under_way = status is Status.UNFINISHED and rod.lies
+        if due and not rod.on_grid and not under_way:
             more, problem = self._refine(rod)
             iterations, rod = iterations + more, self._rod
             if rod.on_grid:
@@ -306,11 +308,19 @@ class TrackedEquilibrium(CableModel):
         """Move the frictional equilibrium (q, F) to a uniform grid of contacts; whether that succeeded."""
         if self._model != COULOMB or not rod.frictional:
             return False
-        on_grid = handover.nodal(rod, q, F)
+        on_grid = self._on_grid(rod, q, F)
         if on_grid is not None:
             self._rod, self._q, self._F = on_grid, on_grid.shape, on_grid.end_force
             self._off_grid.skip_next()
         return on_grid is not None
+
+    def _on_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
+        """`handover.nodal`, which takes over the error of the path so far with friction's history."""
+        on_grid, error = handover.nodal(rod, q, F), rod.path_error(F)
+        if on_grid is not None and error > 0.0:
+            earlier = 0.0 if self._grid_history is None else self._grid_history.error
+            self._grid_history = GridHistory(max(error, earlier))
+        return on_grid
 
     def _exactly(self, rod: NodalRod, status: Status) -> None:
         """Take the equilibrium without the grid's error, if one is found beside it.

@@ -12,9 +12,11 @@ import numpy as np
 from cable_ros.contact.edges import across_edges
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.frictional_rod import FrictionalRod
+from cable_ros.contact.laying_down import SHORTEST_LANDING
 from cable_ros.contact.meshing import CLOSEST, fitted, layered
 from cable_ros.contact.newton import active_set_newton
 from cable_ros.contact.patches import resample
+from cable_ros.contact.path_error import STILL
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -283,7 +285,7 @@ class ActiveSetRod(FrictionalRod):
             more, found = self._begin_soft(q, F, goal, factors, found, distance, (kept, mesh))
             spent += more
         code, iterations, moved, turned, foreseen, q_new, F_new = found
-        self.then = SAME
+        self.then, landing = SAME, None
         forked = self.count < kept[1] and self._holds_alone()
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
@@ -294,6 +296,12 @@ class ActiveSetRod(FrictionalRod):
                 self.stride = min(self.stride, TURN_BACK)
             if not self.trial and (leaps or (self.stride < SHORTER and distance > SHORTEST_STEP)):
                 code, self.stride = warm_step.TOO_FAR, max(self.stride, 0.99 * SHORTEST_STEP / distance)
+            landing = self.landing(kept[0]) if distance > STILL else None
+            again, onward = self._landing_strides(landing, distance, F_new)
+            if code == warm_step.ADVANCED and again < 1.0 and not self.trial and distance > SHORTEST_LANDING:
+                code, self.stride = warm_step.TOO_FAR, again
+            elif code == warm_step.ADVANCED:
+                self.onward, self.stride = onward, min(self.stride, onward)
         if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):
             code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
@@ -323,7 +331,7 @@ class ActiveSetRod(FrictionalRod):
         followed = self.followed
         self.set_conditions(qe, re, f, obstacles)
         if not self.tentative:
-            self.follow(distance, F, F_new)
+            self.follow(distance, F, F_new, landing)
             if distance > 0.0:
                 note_slip(self.points, self.count, distance)
         self.forked = self.forked or forked

@@ -7,9 +7,12 @@ import math
 
 import numpy as np
 
+from cable_ros.contact.detection import RESTING
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
-from cable_ros.contact.path_error import NONE
+from cable_ros.contact.laying_down import Landing
+from cable_ros.contact.path_error import NONE, STILL
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -49,6 +52,9 @@ here as much as `BEDDING` allows for. At 7e4 an end force was a quarter too smal
 
 class FrictionalRod(FixedSetRod):
     """A `FixedSetRod` whose contact points are those of a step with friction."""
+
+    onward: float = np.inf
+    """By how much the next step may be longer than the last one, as what comes down beside a clamp allows."""
 
     @property
     def frictional(self) -> bool:  # type: ignore[override]
@@ -102,17 +108,42 @@ class FrictionalRod(FixedSetRod):
             points[begins, SLIPS] = 1.0
             self.ready = False  # the factors are those of what sticks
 
-    def follow(self, distance: float, before: np.ndarray, after: np.ndarray) -> None:
-        """Add a step of `distance`, L, to the `PathError`; `before`, `after` (3,): the end force."""
+    def landing(self, before: np.ndarray) -> Landing | None:
+        """What has come down since its contact points were `before` (k, COLUMNS), if it lies on anything."""
+        if self.creeps or not self.lies:
+            return None
+        assert self.obstacles is not None
+        rough = self.obstacles[before[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT] > 0.0
+        here = self._on_rough()
+        points = self.points[: self.count][here]
+        return Landing.of(before[rough], points, self._coefficients()[here] * points[:, FORCE])
+
+    def follow(
+        self, distance: float, before: np.ndarray, after: np.ndarray, landing: Landing | None = None
+    ) -> None:
+        """Add a step of `distance`, L, to the `PathError`.
+
+        Args:
+            distance: its length, L.
+            before, after: (3,) the end force.
+            landing: what came down in it.
+        """
         if self.model != COULOMB or not self.frictional:
             self.followed = NONE
         elif self.lies and not self.creeps:
-            self.followed = self.followed.after_step(distance, before, after, self._possible_friction())
+            left_open = 0.0 if landing is None else landing.open
+            self.followed = self.followed.after_step(
+                distance, before, after, self._possible_friction(), left_open
+            )
 
     def _possible_friction(self) -> float:
-        """Sum of the friction that its contacts can bear, EI / L^2."""
-        forces = self.points[: self.count, FORCE]
-        return float(self._coefficients() @ np.maximum(forces, 0.0))
+        """Sum of the friction that its contacts can bear, EI / L^2.
+
+        Those at a clamp are left out: they may press as hard as they like, and hold what it holds anyway.
+        """
+        points = self.points[: self.count]
+        away = np.minimum(points[:, ARC_LENGTH], 1.0 - points[:, ARC_LENGTH]) > RESTING
+        return float((self._coefficients() * away) @ np.maximum(points[:, FORCE], 0.0))
 
     def path_error(self, F: np.ndarray) -> float:
         error = self.followed.error
@@ -158,6 +189,17 @@ class FrictionalRod(FixedSetRod):
             most = FORCE_CHANGE if self.has_patch else LANDING_CHANGE
             longest = min(longest, stride(change, most if slack else TAUT_FORCE_CHANGE))
         return longest
+
+    def _landing_strides(
+        self, landing: Landing | None, distance: float, F: np.ndarray
+    ) -> tuple[float, float]:  # fmt: skip
+        """`Landing.strides` of a step of `distance`, L, to the end force F (3,).
+
+        Neither a new mesh nor a pause changes how far the next step may go.
+        """
+        if distance <= STILL:
+            return np.inf, self.onward
+        return (np.inf, np.inf) if landing is None else landing.strides(float(np.linalg.norm(F)))
 
     def _turns_back(self) -> bool:
         """Whether friction has turned back at a point that slips, in the last solve."""

@@ -41,7 +41,7 @@ class PathError:
         return PathError(self.error / scale, rate, self.possible / scale)
 
     def after_step(
-        self, distance: float, before: np.ndarray, after: np.ndarray, possible: float
+        self, distance: float, before: np.ndarray, after: np.ndarray, possible: float, landed: float = 0.0
     ) -> PathError:  # fmt: skip
         """After a step of length `distance`, L.
 
@@ -51,6 +51,7 @@ class PathError:
             possible: sum of the friction that the contacts can bear after it, EI / L^2. Where that falls, the
                 error falls with it, for friction remembers no more than it can bear; and what the end force
                 loses in proportion is no error.
+            landed: friction of what came down in it that the step has left open, EI / L^2; see `Landing`.
         """
         if distance < STILL:
             return self
@@ -59,7 +60,7 @@ class PathError:
         bend = change if self.rate is None else change - distance * self.rate
         # what turns back differs from the last rate by twice its change, what comes to rest by more
         size = min(float(np.linalg.norm(bend)), 2.0 * float(np.linalg.norm(after - eased * before)))
-        error = eased * (self.error * math.exp(-FADES * distance) + PART * size)
+        error = eased * (self.error * math.exp(-FADES * distance) + PART * size) + landed
         return PathError(min(error, LARGEST * possible), change / distance, possible)
 
 

@@ -14,6 +14,7 @@ from cable_ros.bench.cases import Pose, case_scene
 from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.branch import handover
 from cable_ros.contact import frictional_rod, nodal_rod, nodal_solver
+from cable_ros.contact.laying_down import FLAT, LANDS, SHORTEST_SPAN, Landing
 from cable_ros.contact.nodal_kernels import COMPLIANCE
 from cable_ros.contact.nodal_rod import NodalRod
 
@@ -98,3 +99,39 @@ def test_what_comes_down_at_the_last_pose_slips_as_it_did_there(monkeypatch: pyt
     monkeypatch.setattr(frictional_rod, "FORCE_CHANGE", np.inf)
     monkeypatch.setattr(frictional_rod, "LANDING_CHANGE", np.inf)
     assert np.linalg.norm((home(1) - exact)[:3]) > 0.015 * size
+
+
+@pytest.mark.parametrize(("index", "parts"), [(6, 2), (14, 4)])
+def test_what_is_laid_flat_does_not_depend_on_how_its_path_is_told(index: int, parts: int) -> None:
+    """Most of its end landed in the path's last step: told in 4 times as many poses it was 2 % off."""
+    case = drawn_case(157, index, 1e-4, "lift")
+    scene, last = case_scene(case), []
+    for path in (case.path, refined(case.path, parts)):
+        tracker = Tracker(scene, tolerance=case.tolerance)
+        for pose in path:
+            found = tracker.arrive(pose)["cable"]
+            assert found.status.trusted, found.message
+        last.append(found)
+    forces = [found.end_wrench[:3] for found in last]
+    apart = np.linalg.norm(forces[1] - forces[0]) / np.linalg.norm(forces[1])
+    assert apart < 0.5 * min(0.01, *(found.error_estimate for found in last))
+
+
+def test_a_clamp_is_laid_down_by_the_same_part_of_its_height() -> None:
+    """Where its span goes with the fourth root of that."""
+    height, step, heights = 0.01, 0.001, []
+    for _ in range(12):
+        spans = np.array([[0.3, (h / 0.01) ** (1.0 / FLAT) * 0.3] for h in (height, height - step)])
+        again, onward = Landing(*spans, friction=15.0).strides(25.0)
+        assert again == np.inf
+        height, step = height - step, step * onward
+        heights.append(height)
+    parts = np.divide(heights[2:], heights[1:-1])
+    assert parts == pytest.approx((1.0 - LANDS) ** FLAT)
+
+
+def test_all_of_a_span_comes_down_at_once_only_if_it_is_short() -> None:
+    for span, once in ((0.5 * SHORTEST_SPAN, True), (2.0 * SHORTEST_SPAN, False)):
+        landing = Landing(np.array([0.0, span]), np.zeros(2), friction=15.0)
+        assert (landing.strides(25.0)[0] == np.inf) == once
+        assert landing.open == pytest.approx(15.0 * span)
