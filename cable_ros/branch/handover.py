@@ -58,8 +58,8 @@ MOVED, MOVED_PATCH = 1e-3, 3e-4
 points and short patches, and along longer ones, where it may stick in another place then."""
 PRESLIDING = 0.003
 """Presliding, L, in solves that start from the grid's friction: more than contacts move between both."""
-SOLVES = 2
-"""Their number: the first may change the contacts."""
+SOLVES = 3
+"""Their maximum number: the first may change the contacts, and with them how much what slides can bear."""
 TRIES = 3
 """Number of initial shapes that a search relaxes on a grid."""
 CENTRINGS, CENTRED, FARTHEST_OFF = 8, 1e-7, 0.05
@@ -233,12 +233,12 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     _give_contacts(new, q, rod)
     F, friction = rod.end_force, Friction.of(rod)
     new.model, new.presliding = COULOMB, PRESLIDING
-    for _ in range(SOLVES):
+    for solve in range(SOLVES):
         q = _shape(rod, new.mesh)  # as far as the last solve led, its friction was wrong
         friction.give(new)
         new.ready = False
         code, _, q, F = new.correct(q, F, SETTLE.step_tolerance)
-        if code != warm_step.ADVANCED:
+        if code != warm_step.ADVANCED or (solve > 0 and friction.slides_on(new)):
             break
     new.presliding, new.ready = 0.0, False
     rod.work -= given - new.work

@@ -19,6 +19,7 @@ from cable_ros.contact.points import (
     FORCE,
     FRICTION,
     KIND,
+    NEAR_LIMIT,
     OBSTACLE,
     POINT,
     SLIPS,
@@ -41,8 +42,6 @@ from cable_ros.contact.travel import (
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh
 
-NEAR_LIMIT = 0.9
-"""Least friction, over the largest possible, of what may go on slipping on another mesh: pressures change."""
 SHORT_STEP = 1e-3
 """Length of a step, L, below which what sticks along a patch is firmer."""
 STIFF_FORCE = 160.0

@@ -48,8 +48,7 @@ class Friction(NamedTuple):
         would exceed its limit on one side of the end, and fall short of it on the other.
         """
         for point in rod.points[: rod.count]:
-            away = np.abs(self.arc_lengths - point[ARC_LENGTH]) / self.cell
-            away[self.obstacles != int(point[OBSTACLE])] = np.inf
+            away = self._away(point)
             if not np.isfinite(away).any():
                 continue
             near = np.maximum(1.0 - away / max(REACH, float(away.min()) + 1.0), 0.0)
@@ -59,6 +58,21 @@ class Friction(NamedTuple):
                 point[SLIPS] = float(self.sliding[away.argmin()])
         for obstacle in np.unique(self.obstacles):
             self._conserve(rod.points[: rod.count], obstacle)
+
+    def slides_on(self, rod: ActiveSetRod) -> bool:
+        """Whether the contact points of `rod` slip where the grid slides; nothing has moved since."""
+        for point in rod.points[: rod.count]:
+            away = self._away(point)
+            slides = self.sliding[away.argmin()] and np.isfinite(away).any()
+            if point[FORCE] > 0.0 and slides and point[SLIPS] == 0.0:
+                return False
+        return True
+
+    def _away(self, point: np.ndarray) -> np.ndarray:
+        """(c,) distances from a contact point (COLUMNS,), cells; infinite on other obstacles."""
+        away = np.abs(self.arc_lengths - point[ARC_LENGTH]) / self.cell
+        away[self.obstacles != int(point[OBSTACLE])] = np.inf
+        return away
 
     def _conserve(self, points: np.ndarray, obstacle: int) -> None:
         """Change the friction of the `points` (k, COLUMNS) on an obstacle, so that the total is the grid's.

@@ -10,6 +10,7 @@ from cable_ros.contact.nodal_contacts import FIRST
 from cable_ros.contact.nodal_kernels import tangent_frame
 from cable_ros.contact.nodal_newton import CONVERGED
 from cable_ros.contact.nodal_solver import NodalSolver
+from cable_ros.contact.points import NEAR_LIMIT
 from cable_ros.rod.kirchhoff import Rod
 
 SEED = 2e-5
@@ -60,6 +61,7 @@ class NodalAdoption(NodalSolver):
             self.frames[k, o] = d[0]
             state.lam[k, o] = max(nodal[k, o] @ n, 0.0)
             state.tau[k, o] = d @ nodal[k, o]
+        self._slide_on(rod.obstacles[:, FRICTION_COEFFICIENT])
         self.set_conditions(rod.qe, rod.re, rod.f)
         give = SEED / np.maximum(state.lam * rod.obstacles[:, FRICTION_COEFFICIENT], FAINT)
         solved = self._solve(rod.qe, rod.re, rod.f, rod.obstacles, 0.0, give)[0] == CONVERGED
@@ -70,6 +72,22 @@ class NodalAdoption(NodalSolver):
         elif not solved and self._flow(rod.qe, rod.re, rod.f, rod.obstacles, give) is None:
             return False
         return True
+
+    def _slide_on(self, mu: np.ndarray) -> None:
+        """Let what is near its limit slide on: nothing moves in a takeover, so nothing comes to rest.
+
+        The solve that follows shares normal forces otherwise, and one contact may come to bear those of its
+        neighbours. With the friction of them all before, what slides stays at its limit.
+
+        `mu`: (o,) coefficients of friction.
+        """
+        lam, tau = self.state.lam, self.state.tau
+        around = lam.copy()
+        around[1:] += lam[:-1]
+        around[:-1] += lam[1:]
+        size = np.linalg.norm(tau, axis=2)
+        slides = (size > NEAR_LIMIT * mu * lam) & (mu * lam > 0.0)
+        tau[slides] *= ((mu * around)[slides] / size[slides])[:, None]
 
     def _shared(self, arc_lengths: np.ndarray, forces: np.ndarray, obstacles: np.ndarray) -> np.ndarray:
         """(m + 1, o, 3) forces (c, 3) at arc lengths (c,) shared by the two boundaries beside each."""

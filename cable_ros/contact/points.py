@@ -44,6 +44,8 @@ YIELD = 1e-6
 little beside what the cable does, but it tells apart forces that hardly bend it."""
 LYING = 6
 """Maximum length of an element that lies on a surface, in spacings of the samples."""
+NEAR_LIMIT = 0.9
+"""Least friction, over the largest possible, of what may go on slipping on another mesh: pressures change."""
 APART = 2.5
 """Distance from a contact point, in spacings, within which contact belongs to it."""
 
