@@ -5,6 +5,9 @@ Without friction an answer is verified as among random obstacles. With friction 
 are taken as reported, which says nothing of what came before. So beside the cone, two things are asked of the
 path. What slides must not be driven by its friction, and what sticks stays where it is on its
 obstacle. And the same path in more poses ends in the same wrenches.
+
+A step tells its beginning and its end. In between what slides may turn back, where the point about which a
+patch turns goes along it, and may come to rest. So a step at fault is solved again in parts, which show it.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from __future__ import annotations
 import math
 import os
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -48,6 +51,8 @@ SAME = 0.01
 """Relative difference allowed between wrenches of one pose on the two paths."""
 SMALL = 0.05
 """Wrenches below this part of the path's largest are compared by that."""
+PARTS = 16
+"""A step with which something is wrong is solved again in so many parts."""
 LOOKED_AT = 24
 """Of longer paths so many poses are verified, evenly spread, and every one whose status is new."""
 STILL = 1e-4
@@ -140,10 +145,9 @@ def run_drawn(case: Case, finer: int = FINER) -> Drawn:
             path = refined(case.path, finer)
             solved, _ = _solve(case, scene, path)
             poses = _compared(poses, solved, finer)
-            again = refined(path, finer)
-            poses = _traced(
-                poses, solved, path, scene, kinematics, lambda: (_solve(case, scene, again)[0], again)
-            )
+            ways = (answers, case.path), (solved, path)
+            told, within = (_step_faults(case, scene, kinematics, *way) for way in ways)
+            poses = _traced(poses, told, within)
             first = next((i for i, one in enumerate(solved) if lost(one)), None)
             if first is not None:
                 return Drawn(case, poses, None, f"pose {first} of {len(solved)}: {solved[first].message}")
@@ -202,37 +206,39 @@ def _judged(
                 paths = path_bounds(*ends)
                 fault = reach_fault(found, paths, rod.length)
     step = Step(found, rod, verification, seconds, fault, scene, paths)
-    inconsistent = None if before is None else friction_fault(scene, kinematics, before, (found, joints))
+    faults = () if before is None else friction_faults(scene, kinematics, before, (found, joints))
+    inconsistent = next((fault for _, fault in faults), None)
     return Judged(index, step, look or not found.status.trusted, inconsistent)
 
 
-def friction_fault(
+def friction_faults(
     scene: Scene,
     kinematics: Kinematics,
     before: tuple[Equilibrium, Pose],
     after: tuple[Equilibrium, Pose],
-    turns: bool = False,
-) -> str | None:
-    """Which contact's friction cannot have come of a step from one trusted equilibrium to the next.
+    still: float = STILL,
+) -> list[tuple[Contact, str]]:
+    """Contacts whose friction cannot have come of a step from one trusted equilibrium to the next, and why.
 
     The motion of the touching point over its obstacle is that of the centreline's point at its arc length.
     Only contacts that were there before the step are looked at, and only steps no longer than SHORT. A fall
     is no step: what stuck may be torn off.
 
-    `turns`: whether what slides may turn back in the step, as finer steps show.
+    `still`: see STILL.
     """
     if any(found.status is not Status.CONVERGED for found, _ in (before, after)):
-        return None
+        return []
     rough = {obstacle.name: i for i, obstacle in enumerate(scene.obstacles) if obstacle.friction}
     if not rough:
-        return None
+        return []
     (cable,) = scene.cables
     links = [kinematics.obstacle_poses(joint_values(kinematics, joints)) for _, joints in (before, after)]
     curves = [_curve(found, cable.length) for found, _ in (before, after)]
     largest = max((float(np.linalg.norm(c.friction)) for c in after[0].contacts), default=0.0)
     moved = _clamp_motion(before[0], after[0], cable.length)
+    faults = []
     for contact in after[0].contacts:
-        if contact.obstacle not in rough or not _known(contact, before[0].contacts, cable.length):
+        if contact.obstacle not in rough or not _near(contact, before[0].contacts, cable.length):
             continue
         old, new = (links[k][rough[contact.obstacle]] for k in (0, 1))
         turn = Rotation.from_quat(new[3:]) * Rotation.from_quat(old[3:]).inv()
@@ -245,15 +251,15 @@ def friction_fault(
         where = f"contact with {contact.obstacle} at {contact.arc_length / cable.length:.4f} L"
         if moved + drag > SHORT * cable.length:
             continue
-        allowed = STILL * cable.length + DRAWN * (moved + drag)
         friction = scene.obstacles[rough[contact.obstacle]].friction
         held = force < NEAR_LIMIT * friction * contact.normal_force
-        if not contact.sliding and held and size > allowed:
-            return f"{where} is said to stick and moved {size / cable.length:.1e} L"
+        if not contact.sliding and held and size > still * cable.length + DRAWN * (moved + drag):
+            faults.append((contact, f"{where} is said to stick and moved {size / cable.length:.1e} L"))
         driven = float(contact.friction @ slip) > (DRIVEN * force + NOTHING * largest) * size
-        if contact.sliding and driven and not turns and size > STILL * cable.length + TURNED * (moved + drag):
-            return f"{where} slides {size / cable.length:.1e} L the way its friction pushes"
-    return None
+        if contact.sliding and driven and size > still * cable.length + TURNED * (moved + drag):
+            what = f"{where} slides {size / cable.length:.1e} L the way its friction pushes"
+            faults.append((contact, what))
+    return faults
 
 
 def _clamp_motion(before: Equilibrium, after: Equilibrium, length: float) -> float:
@@ -265,51 +271,64 @@ def _clamp_motion(before: Equilibrium, after: Equilibrium, length: float) -> flo
 
 
 def _traced(
-    poses: Sequence[Judged], finer: Sequence[Equilibrium], path: Sequence[Pose], scene: Scene,
-    kinematics: Kinematics, finest: Callable[[], tuple[Sequence[Equilibrium], Sequence[Pose]]],
-) -> list[Judged]:  # fmt: skip
-    """The poses with what is wrong with friction on the finer path to each of them.
-
-    Where nothing is, what slides in the step there may have turned back in it. The same holds of the finer
-    path's steps, of which a still finer one tells: `finest` solves it, and returns its answers and its poses.
-    """
-    parts = (len(finer) - 1) // (len(poses) - 1)
-    steps = _step_faults(finer, path, scene, kinematics)
-    if any(steps):
-        solved, there = finest()
-        many = (len(there) - 1) // (len(path) - 1)
-        within = _step_faults(solved, there, scene, kinematics)
-        for i in (i for i, fault in enumerate(steps) if fault):
-            begin, end = many * i, many * (i + 1)
-            if not any(within[begin:end]) and all(one.status.trusted for one in solved[begin : end + 1]):
-                ends = (finer[i], path[i]), (finer[i + 1], path[i + 1])
-                steps[i] = friction_fault(scene, kinematics, *ends, turns=True)
-    out = list(poses)
-    for i, pose in enumerate(poses[1:], start=1):
-        begin, end = parts * (i - 1), parts * i
-        faults = [fault for fault in steps[begin:end] if fault]
-        if faults and pose.inconsistent is None:
-            out[i] = replace(pose, inconsistent=f"in a finer path, {faults[0]}")
-        elif pose.inconsistent and not faults and all(one.status.trusted for one in finer[begin : end + 1]):
-            ends = (poses[i - 1].step.equilibrium, path[begin]), (pose.step.equilibrium, path[end])
-            out[i] = replace(pose, inconsistent=friction_fault(scene, kinematics, *ends, turns=True))
+    poses: Sequence[Judged], told: Sequence[str | None], within: Sequence[str | None]
+) -> list[Judged]:
+    """The poses with what is wrong with friction in the step to each, as `told` and on the finer path."""
+    parts = len(within) // len(told)
+    out = [poses[0]]
+    for i, pose in enumerate(poses[1:]):
+        finer = next((fault for fault in within[parts * i : parts * (i + 1)] if fault), None)
+        fault = told[i] if finer is None or told[i] else f"in a finer path, {finer}"
+        out.append(replace(pose, inconsistent=fault))
     return out
 
 
 def _step_faults(
-    answers: Sequence[Equilibrium], path: Sequence[Pose], scene: Scene, kinematics: Kinematics
+    case: Case, scene: Scene, kinematics: Kinematics, answers: Sequence[Equilibrium], path: Sequence[Pose]
 ) -> list[str | None]:
-    """`friction_fault` of each step of a path."""
-    pairs = pairwise(zip(answers, path, strict=True))
-    return [friction_fault(scene, kinematics, before, after) for before, after in pairs]
+    """What is wrong with friction in each step of a path.
+
+    Nothing is if there is nothing wrong in the step's parts, in all of which no more may move than in one
+    step, they end in the same wrench, and what sticks does so there: it had slid before, as what slides had
+    turned back.
+    """
+    faults = [friction_faults(scene, kinematics, *ends) for ends in pairwise(zip(answers, path, strict=True))]
+    if not any(faults):
+        return [None] * len(faults)
+    way, ends = [path[0]], [0]
+    for step, found in zip(pairwise(path), faults, strict=True):
+        way.extend(refined(step, PARTS if found else 1)[1:])
+        ends.append(len(way) - 1)
+    solved = list(zip(_solve(case, scene, way)[0], way, strict=True))
+    (cable,) = scene.cables
+    out: list[str | None] = []
+    for i, found in enumerate(faults):
+        part = solved[ends[i] : ends[i + 1] + 1]
+        answer, there = answers[i + 1], part[-1][0]
+        same = found and all(one.status.trusted for one, _ in part)
+        if same:
+            rod = rods(scene, kinematics, path[i + 1])[cable.name]
+            same = relative_difference(answer.end_wrench, there.end_wrench, rod) <= SAME
+            same &= not any(
+                friction_faults(scene, kinematics, *step, still=STILL / PARTS) for step in pairwise(part)
+            )
+        sticking = [one for one in there.contacts if not one.sliding]
+        left = (
+            fault
+            for contact, fault in found
+            if not (same and (contact.sliding or _near(contact, sticking, cable.length)))
+        )
+        out.append(next(left, None))
+    return out
 
 
-def _known(contact: Contact, before: Sequence[Contact], length: float) -> bool:
-    """Whether about there the same obstacle was touched before the step."""
+def _near(contact: Contact, others: Sequence[Contact], length: float) -> list[Contact]:
+    """Those of the other contacts that are with the same obstacle about there."""
     near = max(contact.length, 0.01 * length)
-    return any(
-        old.obstacle == contact.obstacle and abs(old.arc_length - contact.arc_length) < near for old in before
-    )
+    return [
+        one for one in others
+        if one.obstacle == contact.obstacle and abs(one.arc_length - contact.arc_length) < near
+    ]  # fmt: skip
 
 
 def _curve(found: Equilibrium, length: float) -> CubicHermiteSpline:

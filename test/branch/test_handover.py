@@ -154,7 +154,7 @@ def test_what_lies_takes_its_friction_from_grid_to_grid() -> None:
 
 @pytest.mark.parametrize(("key", "poses"), [((136, 40), 8), ((154, 8, "lift"), 3)])
 def test_what_slides_does_so_there_and_back(key: Any, poses: int) -> None:
-    """Nothing moves, so nothing comes to rest: 4 of 50 points did on the grid, and 5 of 53 on the way back."""
+    """Nothing moves, so nothing comes to rest: 4 of 50 points did on the grid, 5 of 53 on the way back."""
     cable = led(drawn_case(*key[:2], 1e-4, *key[2:]), poses, 1e-4)
     rod = cable.rod
     assert isinstance(rod, TouchingRod)
