@@ -277,7 +277,7 @@ def hand_on(q, grid, points, count, i, between, free):
         between, free: numbers of the two boundaries.
 
     Returns:
-        Whether both points have theirs.
+        Whether point i has its boundary.
     """
     for k in range(count):
         if points[k, INTERFACE] == between:
@@ -287,7 +287,11 @@ def hand_on(q, grid, points, count, i, between, free):
             before, after = room(points, count, free, grid.h)
             if moved and move_interface(q, grid, free, points[k, ARC_LENGTH], before, after):
                 return True
-            points[k, INTERFACE] = points[i, INTERFACE] = -1.0
+            # too near for two: the end of a patch has it, as its element is flat up to there
+            points[k, INTERFACE] = -1.0
+            if not moved or points[k, KIND] != POINT:
+                points[i, INTERFACE] = -1.0
+            return points[i, INTERFACE] >= 0.0
     return False
 
 
