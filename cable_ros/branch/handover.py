@@ -13,7 +13,7 @@ from cable_ros.contact.nodal_rod import FINER, NodalRod
 from cable_ros.contact.patches import SAMPLES, WEIGHTS
 from cable_ros.contact.penalty import give_contacts
 from cable_ros.contact.penalty_continuation import descend
-from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, KIND, NUMBER, OBSTACLE, SAMPLE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, KIND, LENGTH, NUMBER, OBSTACLE, SAMPLE
 from cable_ros.contact.report import positions
 from cable_ros.contact.shearing_rod import among_obstacles
 from cable_ros.contact.stretching_rod import StretchingTouchingRod
@@ -113,7 +113,7 @@ def _spread(rod: TouchingRod, forces: np.ndarray) -> tuple[np.ndarray, np.ndarra
     edges = np.concatenate(([0.0], np.cumsum(WEIGHTS)))
     for point, force in zip(rod.points[: rod.count], forces, strict=True):
         parts = np.array([point[ARC_LENGTH]])
-        if point[KIND] == SAMPLE:
+        if point[LENGTH] > 0.0:
             e, k = divmod(int(point[NUMBER]), SAMPLES)
             low, high = rod.s0[e] + rod.h[e] * edges[k : k + 2]
             count = int(np.ceil((high - low) * SPREAD))

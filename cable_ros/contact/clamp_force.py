@@ -7,7 +7,7 @@ import numpy as np
 
 from cable_ros.contact.distance import gap
 from cable_ros.contact.patches import NODES, inside
-from cable_ros.contact.points import ARC_LENGTH, FORCE, KIND, OBSTACLE, SAMPLE
+from cable_ros.contact.points import ARC_LENGTH, FORCE, LENGTH, OBSTACLE
 from cable_ros.rod import quaternion
 
 LEVEL = 1e-6
@@ -59,7 +59,7 @@ def lifts_off(o: int, s: float, grid: tuple[np.ndarray, np.ndarray], points: np.
     lies at the clamp if the outermost sample presses. Arguments as in `clamp_error`.
     """
     h, s0 = grid
-    mine = (points[:, OBSTACLE] == o) & (points[:, KIND] == SAMPLE) & (points[:, FORCE] > 0.0)
+    mine = (points[:, OBSTACLE] == o) & (points[:, LENGTH] > 0.0) & (points[:, FORCE] > 0.0)
     if not mine.any():
         return 0.0
     last = points[mine][np.argmin(np.abs(points[mine, ARC_LENGTH] - s))]

@@ -24,6 +24,7 @@ from cable_ros.contact.points import (
     FORCE,
     KIND,
     LAST,
+    LENGTH,
     NUMBER,
     OBSTACLE,
     POINT,
@@ -381,7 +382,7 @@ def dipping(points, count):
 def sampled(points, count, o, g):
     """Whether sample g presses on obstacle o; `points`, `count`: as in `update_active_set`."""
     for i in range(count):
-        if points[i, OBSTACLE] == o and points[i, KIND] == SAMPLE and points[i, NUMBER] == g:
+        if points[i, OBSTACLE] == o and points[i, LENGTH] > 0.0 and points[i, NUMBER] == g:
             return True
     return False
 

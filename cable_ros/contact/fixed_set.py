@@ -112,7 +112,8 @@ class FixedSetRod(ConstrainedRod):
     def _stick_stiffness(self) -> np.ndarray:
         """(count,) stiffness of the contact points' stick, EI / L^3; see `stick_stiffness`."""
         points = self.points[: self.count]
-        return np.where(points[:, KIND] == SAMPLE, np.minimum(self.bedding * points[:, LENGTH], STICK), STICK)
+        length = points[:, LENGTH]
+        return np.where(length > 0.0, np.minimum(self.bedding * length, STICK), STICK)
 
     def _coefficients(self) -> np.ndarray:
         """(count,) coefficients of friction of the obstacles that the contact points are on."""

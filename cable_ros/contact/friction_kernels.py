@@ -17,7 +17,6 @@ from cable_ros.contact.points import (
     KIND,
     LENGTH,
     POINT,
-    SAMPLE,
     SLIP,
     SLIPS,
     STICK_ROW,
@@ -44,7 +43,7 @@ STICK = 1e8
 @njit(**LEAF)
 def stick(point, bedding):
     """Stiffness of stick without presliding, EI / L^3, see `stick_stiffness`; `bedding` is `History`'s."""
-    return min(STICK, bedding * point[LENGTH]) if point[KIND] == SAMPLE else STICK
+    return min(STICK, bedding * point[LENGTH]) if point[LENGTH] > 0.0 else STICK
 
 
 @njit(**LEAF)

@@ -16,6 +16,7 @@ from cable_ros.contact.moving_obstacles import follow_obstacles
 from cable_ros.contact.patch_edges import meet_edges
 from cable_ros.contact.patch_ends import merge, move_ends, shrink
 from cable_ros.contact.patches import SAMPLES, coarse, cover, fill
+from cable_ros.contact.pinches import meet_pinches
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -196,7 +197,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 shrunk, count = shrink(points, count, spacing, depth)
                 merged, count = merge(points, count, spacing)
                 changes, count = fill(points, count, h, s0, covered)
-                changes += flattened + edged + released + shrunk + merged
+                pinched, count = meet_pinches(shape, obstacles, points, count)
+                changes += pinched + flattened + edged + released + shrunk + merged
             holds = holds and changes == 0
             full = not holds or (not tangent and (rotation > refactor_at or rate > SLOW))
             if not full:

@@ -21,6 +21,7 @@ from cable_ros.contact.points import (
     FORCE,
     KIND,
     LAST,
+    LENGTH,
     NUMBER,
     OBSTACLE,
     POINT,
@@ -29,6 +30,8 @@ from cable_ros.contact.points import (
     SLOPE_ROW,
     SWINGS,
     add,
+    concentrated,
+    reaction_at,
     remove,
 )
 from cable_ros.linalg.copies import copy
@@ -191,6 +194,12 @@ def shrink(points, count, spacing, depth):
             points[i, FORCE : BEFORE + 3] += points[j, FORCE : BEFORE + 3]
             o, low = points[i, OBSTACLE], points[i, ARC_LENGTH]
             points[i, ARC_LENGTH], points[i, KIND] = low + 0.5 * length, POINT
+            for k in range(count):
+                # its ends bear little beside a reaction that is concentrated
+                s = points[k, ARC_LENGTH]
+                if concentrated(points[k]) and points[k, OBSTACLE] == o and low <= s <= low + length:
+                    points[i, ARC_LENGTH] = s
+                    points[i, FORCE : BEFORE + 3] += points[k, FORCE : BEFORE + 3]
             count = remove(points, count, j)
             # its ends may have moved past its samples: all up to the neighbouring patches are its own
             before, after = 0.0, 1.0
@@ -311,7 +320,7 @@ def lift_off(points, count, c, h, s0, spacing, obstacles):
         presses[:], pulls[:], pulled = False, False, False
         i = 0
         while i < count:
-            if points[i, OBSTACLE] == o and points[i, KIND] == SAMPLE:
+            if points[i, OBSTACLE] == o and points[i, LENGTH] > 0.0:
                 if points[i, FORCE] < 0.0:
                     pulls[int(points[i, NUMBER])] = pulled = changed = True
                     count = remove(points, count, i)
@@ -344,9 +353,9 @@ def lift_off(points, count, c, h, s0, spacing, obstacles):
                 slight = max(low, high) >= 0.0 and length < BESIDE_CLAMP * spacing
             if slight or not any_pulls:
                 continue
-            count = lift(
-                points, count, o, 0.5 * (sample_place(first, h, s0) + sample_place(g - 1, h, s0)), low, high
-            )
+            begin, end = sample_place(first, h, s0), sample_place(g - 1, h, s0)
+            low, high = up_to_reactions(points, count, o, begin, end, low, high)
+            count = lift(points, count, o, 0.5 * (begin + end), low, high)
     return changed, left, count
 
 
@@ -382,6 +391,38 @@ def leave_clamp(points, count, o, h, s0, clamp, reach, covered, presses, pulls):
 
 
 @njit(**INNER)
+def up_to_reactions(points, count, o, begin, end, low, high):
+    """The places `low` and `high` of `lift`, no farther out than the concentrated reactions that press.
+
+    One between samples that pull becomes a point of its own.
+
+    Args:
+        points, count, o: as in `lift`.
+        begin, end: arc lengths of the first and the last sample that pulls, L.
+        low, high: as in `lift`.
+
+    Returns:
+        `low` and `high`.
+    """
+    middle = 0.5 * (begin + end)
+    first, last = end_beside(points, count, o, middle, FIRST), end_beside(points, count, o, middle, LAST)
+    least = low if low >= 0.0 else (points[first, ARC_LENGTH] if first >= 0 else 0.0)
+    most = high if high >= 0.0 else (points[last, ARC_LENGTH] if last >= 0 else 1.0)
+    for i in range(count):
+        s = points[i, ARC_LENGTH]
+        mine = concentrated(points[i]) and points[i, OBSTACLE] == o and least < s < most
+        if not mine or points[i, FORCE] <= 0.0:
+            continue
+        if s < begin:
+            low = max(low, s)
+        elif s > end:
+            high = s if high < 0.0 else min(high, s)
+        else:
+            points[i, KIND] = POINT
+    return low, high
+
+
+@njit(**INNER)
 def lift(points, count, o, s, low, high):
     """Let the cable lift off about s; a patch's end becomes a point if no sample presses beside it.
 
@@ -395,7 +436,11 @@ def lift(points, count, o, s, low, high):
     """
     for presses, end, kind in ((low, FIRST, LAST), (high, LAST, FIRST)):
         if presses >= 0.0:
-            count = add(points, count, o, presses, kind)
+            r = reaction_at(points, count, o, presses)
+            if r >= 0:
+                points[r, KIND] = kind
+            else:
+                count = add(points, count, o, presses, kind)
         else:
             e = end_beside(points, count, o, s, end)
             if e >= 0:

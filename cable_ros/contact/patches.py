@@ -109,7 +109,7 @@ def fill(points, count, h, s0, covered):
     cover(points, count, h, s0, now)
     changes, i = 0, 0
     while i < count:
-        if points[i, KIND] == SAMPLE:
+        if points[i, LENGTH] > 0.0:
             g = int(points[i, NUMBER])
             if not now[int(points[i, OBSTACLE]), g]:
                 count = remove(points, count, i)
@@ -147,7 +147,7 @@ def resample(points, count, h, s0):
     old = points[:count].copy()
     before, count = count, 0
     for i in range(before):
-        if old[i, KIND] != SAMPLE:
+        if old[i, LENGTH] == 0.0:
             points[count] = old[i]
             count += 1
     for o in range(obstacles):
@@ -184,7 +184,7 @@ def inherit(points, i, others, count):
     best, distance = -1, np.inf
     for k in range(count):
         d = abs(others[k, ARC_LENGTH] - points[i, ARC_LENGTH])
-        if others[k, OBSTACLE] == points[i, OBSTACLE] and others[k, KIND] == SAMPLE and d < distance:
+        if others[k, OBSTACLE] == points[i, OBSTACLE] and others[k, LENGTH] > 0.0 and d < distance:
             best, distance = k, d
     if best >= 0:
         for a in range(FORCE, BEFORE + 3):

@@ -35,7 +35,8 @@ POINT, SAMPLE, FIRST, LAST = 0.0, 1.0, 2.0, 3.0
 """Kinds: a touching point, one of the samples of a contact patch, the touchdown and the lift-off point of a
 patch.
 
-A patch without its touchdown or lift-off point begins or ends at the clamp.
+A patch without its touchdown or lift-off point begins or ends at the clamp. A sample that stands for no
+length is a concentrated reaction, see `pinches`; it has no number.
 """
 SPARED = -1.0
 """NUMBER of a point that stays since a solve has dropped another one that pulled as much, see `leaving`."""
@@ -79,6 +80,24 @@ def add(points, count, o, s, kind):
         points[count, KIND] = kind
         return count + 1
     return count
+
+
+@njit(**LEAF)
+def concentrated(point):
+    """Whether a contact point, (COLUMNS,), is a concentrated reaction within a patch."""
+    return point[KIND] == SAMPLE and point[LENGTH] == 0.0
+
+
+@njit(**INNER)
+def reaction_at(points, count, o, s):
+    """The concentrated reaction of obstacle o at arc length s; -1: there is none.
+
+    `points` (CAPACITY, COLUMNS) holds `count` contact points.
+    """
+    for i in range(count):
+        if concentrated(points[i]) and points[i, OBSTACLE] == o and points[i, ARC_LENGTH] == s:
+            return i
+    return -1
 
 
 @njit(**INNER)

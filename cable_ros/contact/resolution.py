@@ -74,14 +74,14 @@ def highest_mode(points, count, out):
     """
     out[:] = 0.0
     for i in range(count):
-        if points[i, KIND] != SAMPLE:
+        if points[i, LENGTH] == 0.0:
             continue
         g = int(points[i, NUMBER])
         mode = points[i, LENGTH] * (2 * SAMPLES - 1) * HIGHEST[g % SAMPLES]
         for k in range(count):
             other = int(points[k, NUMBER])
             near = points[k, OBSTACLE] == points[i, OBSTACLE] and other // SAMPLES == g // SAMPLES
-            if near and points[k, KIND] == SAMPLE:
+            if near and points[k, LENGTH] > 0.0:
                 share = mode * WEIGHTS[other % SAMPLES] * HIGHEST[other % SAMPLES] / points[k, LENGTH]
                 for a in range(3):
                     out[i, a] += share * points[k, FRICTION + a]
