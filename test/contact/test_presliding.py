@@ -9,7 +9,7 @@ import pytest
 from cable_ros.contact.contact_state import History
 from cable_ros.contact.detection import half_patch
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, WIDTH
-from cable_ros.contact.friction_kernels import COULOMB, STICK, slip_change, stick_stiffness
+from cable_ros.contact.friction_kernels import COULOMB, STICK, stick_stiffness
 from cable_ros.contact.points import (
     BEFORE,
     COLUMNS,
@@ -22,6 +22,7 @@ from cable_ros.contact.points import (
     SAMPLE,
     SLIPS,
 )
+from cable_ros.contact.slip_kernels import slip_change
 
 
 def history(presliding: float, bedding: float) -> History:
