@@ -148,7 +148,16 @@ class TrackedEquilibrium(CableModel):
     @property
     def _error(self) -> float:
         """Estimated relative error of the end wrench, with that of friction's history."""
-        return max(self._estimate, 0.0 if self._grid_history is None else self._grid_history.error)
+        return max(self._estimate, self._earlier_error)
+
+    @property
+    def _earlier_error(self) -> float:
+        """That of friction's history from a grid."""
+        return 0.0 if self._grid_history is None else self._grid_history.error
+
+    def _keep_grid_error(self, error: float) -> None:
+        """Let friction's history have come from a grid, with this relative error or the one that it had."""
+        self._grid_history = GridHistory(max(error, self._earlier_error))
 
     @property
     def _remembers(self) -> bool:
@@ -318,8 +327,7 @@ class TrackedEquilibrium(CableModel):
         """`handover.nodal`, which takes over the error of the path so far with friction's history."""
         on_grid, error = handover.nodal(rod, q, F), rod.path_error(F)
         if on_grid is not None and error > 0.0:
-            earlier = 0.0 if self._grid_history is None else self._grid_history.error
-            self._grid_history = GridHistory(max(error, earlier))
+            self._keep_grid_error(error)
         return on_grid
 
     def _exactly(self, rod: NodalRod, status: Status) -> None:
@@ -346,8 +354,7 @@ class TrackedEquilibrium(CableModel):
                 return  # its friction is not that of the grid
             # friction of points that slip follows from the motion; what sticks keeps the grid's error as well
             error = apart + (0.0 if found.rod.all_slip else rod.twin_error)
-            earlier = 0.0 if self._grid_history is None else self._grid_history.error
-            self._grid_history = GridHistory(max(error, earlier))
+            self._keep_grid_error(error)
         self._take(found, self._joints)
 
     def _finer(self) -> None:
