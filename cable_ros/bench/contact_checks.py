@@ -76,12 +76,12 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
     cell = min(CELL * length, LAYER * bend)
 
     def surface(signed: Distance):  # type: ignore[no-untyped-def]
-        def at(r: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-            point = rod.start[:3] + r * length
+        def at(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            points = rod.start[:3] + r * length
             return (
-                float(signed(point)) / length,
-                gradient(signed, point, 1e-6 * length),
-                curvature(signed, point, 1e-6 * length) * length,
+                signed(points) / length,
+                gradient(signed, points, 1e-6 * length),
+                curvature(signed, points, 1e-6 * length) * length,
             )
 
         return at

@@ -15,6 +15,9 @@ import scipy.linalg
 from scipy.integrate import DOP853
 from scipy.spatial.transform import Rotation, Slerp
 
+Surface = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+"""Points (k, 3) to distances (k,), their gradients (k, 3) and Hessians (k, 3, 3)."""
+
 
 @dataclass
 class Touch:
@@ -22,8 +25,7 @@ class Touch:
 
     place: float
     """Arc length, inside (0, 1)."""
-    surface: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
-    """Point (3,) to distance, its gradient (3,) and its Hessian (3, 3)."""
+    surface: Surface
     force: float
     """Along the gradient."""
     friction: np.ndarray
@@ -70,11 +72,8 @@ def resample(
     rate = max(np.sqrt(force * compliance[:2].max()), float(turning.max()))
     pieces = int(np.clip(np.ceil(2.0 * rate), 40, 6000))
     s = np.linspace(0.0, 1.0, pieces + 1)
-    for place in places:
-        s = np.append(
-            s[(np.abs(s - place) > 0.3 / pieces) | (s == 0.0) | (s == 1.0) | np.isin(s, places)], place
-        )
-    s = np.unique(s)
+    away = np.abs(s[1:-1, None] - np.asarray(places)).min(axis=1, initial=np.inf)
+    s = np.unique(np.concatenate([[0.0, 1.0], s[1:-1][away > 0.3 / pieces], places]))
     given = np.linspace(0.0, 1.0, len(points))
     frames = Slerp(given, claimed)(s).as_matrix()
     tangents = claimed.as_matrix()[:, :, 2]
@@ -237,21 +236,22 @@ def newton_step(
         out[0, 6:], out[1:-1], out[-1, 6:] = x[:6], x[6:-6].reshape(n - 1, 12), x[-6:]
         return out
 
-    delta = solve((gaps / scale).ravel())
+    # all at once: the band is factored for each call
+    closed, *answers = solve(np.vstack([gaps[None] / scale, columns]).reshape(m + 1, -1).T).T
     if neutral:
         null = np.ones(12 * n)
         for _ in range(2):
             null = solve(null / np.linalg.norm(null))
         null /= np.linalg.norm(null)
-        delta -= (null @ delta) * null
-    delta, pushes = nodes(delta), np.zeros(m)
+        closed = closed - (null @ closed) * null
+    delta = nodes(closed)
+    pushes: np.ndarray = np.zeros(m)
     if m:
-        answers = [nodes(solve(column.ravel())) for column in columns]
-        system = np.array([[np.vdot(line, answer) for answer in answers] for line in lines])
-        right = [np.vdot(line, delta) + miss for line, miss in zip(lines, misses, strict=True)]
+        answered = np.array([nodes(answer) for answer in answers])
+        system = np.tensordot(lines, answered, ((1, 2), (1, 2)))
         # touches too close to each other, or a clamp's own: what cannot be told apart is shared
-        pushes = np.linalg.lstsq(system, right, rcond=1e-12)[0]
-        delta = delta - np.tensordot(pushes, np.array(answers), 1)
+        pushes = np.linalg.lstsq(system, np.tensordot(lines, delta, 2) + misses, rcond=1e-12)[0]
+        delta = delta - np.tensordot(pushes, answered, 1)
     slides = np.zeros(len(touches))
     slides[[touch.ways is not None for touch in touches]] = pushes[len(touches) :]
     return delta * scale, pushes[: len(touches)], slides

@@ -26,19 +26,17 @@ def distance(obstacle: Obstacle, link: np.ndarray, radius: float) -> Distance:
     return signed
 
 
-def gradient(signed: Distance, point: np.ndarray, step: float) -> np.ndarray:
-    """(3,) gradient of a distance at a point, by central differences."""
-    ways = step * np.eye(3)
-    return (signed(point + ways) - signed(point - ways)) / (2.0 * step)
+def gradient(signed: Distance, points: np.ndarray, step: float) -> np.ndarray:
+    """(..., 3) gradients of a distance at points (..., 3), by central differences."""
+    ways, points = step * np.eye(3), points[..., None, :]
+    return (signed(points + ways) - signed(points - ways)) / (2.0 * step)
 
 
-def curvature(signed: Distance, point: np.ndarray, step: float) -> np.ndarray:
-    """(3, 3) Hessian of a distance at a point, by central differences."""
-    rows = [
-        gradient(signed, point + way, step) - gradient(signed, point - way, step) for way in step * np.eye(3)
-    ]
-    h = np.array(rows) / (2.0 * step)
-    return 0.5 * (h + h.T)
+def curvature(signed: Distance, points: np.ndarray, step: float) -> np.ndarray:
+    """(..., 3, 3) Hessians of a distance at points (..., 3), by central differences."""
+    ways, points = step * np.eye(3), points[..., None, :]
+    h = (gradient(signed, points + ways, step) - gradient(signed, points - ways, step)) / (2.0 * step)
+    return 0.5 * (h + h.swapaxes(-1, -2))
 
 
 def _signed(obstacle: Obstacle, x: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cable_ros.bench import shooting
-from cable_ros.bench.shooting import Held, Touch
+from cable_ros.bench.shooting import Held, Surface, Touch
 from cable_ros.equilibrium import Equilibrium
 
 
@@ -185,17 +185,26 @@ def refine(
     normal_forces = np.array([touch.force for touch in touches])
     holding = [k for k, touch in enumerate(touches) if touch.holds]
 
-    def surfaces(r: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
-        return [touch.surface(r[node]) for touch, node in zip(touches, at, strict=True)]
+    frictions = np.array([touch.friction for touch in touches]).reshape(-1, 3)
+    on: dict[Surface, list[int]] = {}
+    for k, touch in enumerate(touches):
+        on.setdefault(touch.surface, []).append(k)
 
-    def jumps(met: list[tuple[float, np.ndarray, np.ndarray]]) -> np.ndarray:
+    def surfaces(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(k,) distances of the touches, (k, 3) their gradients and (k, 3, 3) Hessians."""
+        met = np.empty(len(touches)), np.empty((len(touches), 3)), np.empty((len(touches), 3, 3))
+        for surface, which in on.items():
+            for out, values in zip(met, surface(r[at[which]]), strict=True):
+                out[which] = values
+        return met
+
+    def jumps(normals: np.ndarray) -> np.ndarray:
         """(n + 1, 3) what is pushed at each node."""
         out = np.zeros_like(r)
-        for touch, node, normal_force, (_, normal, _) in zip(touches, at, normal_forces, met, strict=True):
-            out[node] += normal_force * normal + touch.friction
+        np.add.at(out, at, normal_forces[:, None] * normals + frictions)
         return out
 
-    force = force0 - s[:, None] * load - np.cumsum(jumps(surfaces(r)), axis=0)
+    force = force0 - s[:, None] * load - np.cumsum(jumps(surfaces(r)[1]), axis=0)
     moment = shooting.moments(s, r, force, load, moment0)
 
     scale_f = max(1.0, float(np.abs(force).max()))
@@ -205,17 +214,20 @@ def refine(
     maps = np.empty((len(h), 12, 12))
     for done in range(1, iterations + 1):  # noqa: B007
         end_state, maps = shooting.propagate(r, frames, force, moment, h, load, compliance)
-        met = surfaces(r)
-        end_state[2] = end_state[2] - jumps(met)[1:]
+        distances, normals, bends = surfaces(r)
+        pushed = jumps(normals)[1:]
+        end_state[2] = end_state[2] - pushed
         gap = shooting.gap(end_state, (r[1:], frames[1:], force[1:], moment[1:]))
         if not np.all(np.isfinite(gap)):
             break
-        ways = shooting.ways(end_state, jumps(met)[1:], load, compliance)
+        ways = shooting.ways(end_state, pushed, load, compliance)
         held = [
             Held(
                 int(at[k]),
                 float(normal_forces[k]),
-                *met[k],
+                float(distances[k]),
+                normals[k],
+                bends[k],
                 frames[at[k]][:, 2],
                 (ways[at[k] - 1], ways[at[k]]) if touches[k].slides else None,
             )
@@ -228,11 +240,11 @@ def refine(
             break
         size = float(np.abs(step / scale).max())
         part = min(1.0, 0.4 / max(size, 1e-300))
-        for touch, way in zip(held, slid, strict=True):
-            part = min(part, 0.3 * float(h[touch.node - 1 : touch.node + 1].min()) / max(abs(way), 1e-300))
-        for touch, way in zip(held, slid, strict=True):
-            h[touch.node - 1] += part * way
-            h[touch.node] -= part * way
+        for one, way in zip(held, slid, strict=True):
+            part = min(part, 0.3 * float(h[one.node - 1 : one.node + 1].min()) / max(abs(way), 1e-300))
+        for one, way in zip(held, slid, strict=True):
+            h[one.node - 1] += part * way
+            h[one.node] -= part * way
         step, normal_forces = part * step, normal_forces + part * pushes
         r, force, moment = r + step[:, :3], force + step[:, 6:9], moment + step[:, 9:]
         frames = Rotation.from_rotvec(step[:, 3:6]).as_matrix() @ frames

@@ -73,12 +73,17 @@ def pressed_arch(phase: float = 1.3) -> tuple[Reference, np.ndarray, np.ndarray]
     return reference, np.column_stack([x, y, 0 * x]), np.array([frame.as_quat() for frame in frames])
 
 
+def flat(r: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradients and Hessians, at points (k, 3), of the distance from a plane."""
+    return np.broadcast_to(normal, r.shape), np.zeros((len(r), 3, 3))
+
+
 def plane_below(reference: Reference) -> list[Touch]:
     """The touch with the plane y = 0 in the middle, its force not known."""
     height = reference.start[1] / reference.length
 
-    def surface(r: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        return r[1] + height, np.array([0.0, 1.0, 0.0]), np.zeros((3, 3))
+    def surface(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return r[:, 1] + height, *flat(r, np.array([0.0, 1.0, 0.0]))
 
     return [Touch(0.5, surface, 0.8 * reference.facts["contact_force_y"], np.zeros(3))]
 
@@ -101,7 +106,7 @@ def test_a_surface_that_would_have_to_pull_is_told() -> None:
     rod = Rod(1.0, reference.stiffness, reference.weight, reference.start, reference.end)
     (touch,) = plane_below(reference)
 
-    def below(r: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    def below(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         # the free arch does not reach down there
         gap, normal, bend = touch.surface(r)
         return gap + 0.008, normal, bend
@@ -119,8 +124,8 @@ def test_only_points_on_one_surface_cannot_be_told_apart() -> None:
     rod = Rod(1.0, reference.stiffness, reference.weight, reference.start, reference.end)
     (middle,) = plane_below(reference)
 
-    def beside(r: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        return r[2], np.array([0.0, 0.0, 1.0]), np.zeros((3, 3))
+    def beside(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return r[:, 2], *flat(r, np.array([0.0, 0.0, 1.0]))
 
     same = [middle, replace(middle, place=0.503, force=0.0)]
     assert [touch.holds for touch in apart(same)] == [True, False]
