@@ -256,7 +256,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 gone[i] += s[i]
             change, couple, scale = correct_forces(points, count, y, lines, F_new, strain.reach.shape[0] > 0)
             scale = max(scale, options.least)
-            turned = max(step, couple / scale, move_ends(points, count, y, spacing))
+            ends, moment = move_ends(points, count, y, spacing)
+            felt = max(step, couple / scale)
+            turned = max(felt, ends)
             step = max(turned, change / scale)
             if not tangent:
                 total += 1
@@ -264,17 +266,19 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 # the constraint rows may hold the direction of friction too stiffly
                 trusted = rate if steady or full else max(rate, 0.5)
                 enough = tolerance if presliding <= options.presliding else max(LOOSE, tolerance)
+                stagnates = changes == 0 and iteration > 4 and step > 0.9 * size
+                # the shape hardly depends on where a patch ends that does not press there
+                judged = max(felt, max(moment, change) / scale) if stagnates else step
                 # where all but nothing moves, rounding tells what sticks and what slips
                 settled = changes == 0 or (changes == flips and turned < STILL)
-                if settled and (step * trusted <= enough or step < 1e-13):
-                    converged = True
+                if settled and (judged * trusted <= enough or judged < 1e-13):
+                    step, converged = judged, True
                     break
-                stagnates = same and steady and changes == 0 and iteration > 4 and step > 0.9 * size
-                if stagnates and turned <= ROUNDING * tolerance:
+                if stagnates and same and steady and turned <= ROUNDING * tolerance:
                     # the shape hardly depends on how neighbouring samples share their force
                     step, converged = turned, True
                     break
-                if iteration > 12 and changes == 0 and step > 0.9 * size and model == FRICTIONLESS:
+                if iteration > 12 and stagnates and model == FRICTIONLESS:
                     return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
             tangent = False
             size = step

@@ -65,7 +65,7 @@ FAINT = 1e-3
 
 @njit(**INNER)
 def move_ends(points, count, y, spacing):
-    """Move points and ends of patches to where no couple holds them; returns the largest motion, L.
+    """Move points and ends of patches to where no couple holds them.
 
     The couple that holds the slope, divided by the force that acts there, is its lever; an end that pulls is
     out too far. One that an edge holds goes inward only.
@@ -74,8 +74,11 @@ def move_ends(points, count, y, spacing):
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
         y: (rows,) multipliers of the constraint rows.
         spacing: of the samples, L.
+
+    Returns:
+        The largest motion, L, and the largest moment of a force about where it was, EI / L.
     """
-    largest = 0.0
+    largest, moment = 0.0, 0.0
     shifts = np.zeros(count)
     for i in range(count):
         if points[i, KIND] == SAMPLE or points[i, SLOPE_ROW] == 0.0:
@@ -111,9 +114,10 @@ def move_ends(points, count, y, spacing):
         shift = min(max(shift, -STRIDE * spacing), STRIDE * spacing)
         shifts[i] = min(max(shift, -ROOM * back), ROOM * forth)
         largest = max(largest, abs(shifts[i]))
+        moment = max(moment, abs(shifts[i] * points[i, FORCE]))
     for i in range(count):
         points[i, ARC_LENGTH] += shifts[i]
-    return largest
+    return largest, moment
 
 
 @njit(**LEAF)
