@@ -59,6 +59,8 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((155, 9, "rollers"), 9),
         # the end of a patch that does not press went to and fro, and a grid took over
         ((156, 7, "table"), 4),
+        # a grid takes over where friction along a patch turns back
+        ((156, 0, "table"), 5),
     ],
 )
 def test_the_same_told_in_more_poses(key: Key, poses: int) -> None:

@@ -78,7 +78,6 @@ OF_A_KIND = {
     (155, 7, "rollers"): "taut over rough rollers, at 7e4 EI / L^2: 3 % in 4 times as many poses, as it says",
     (155, 18, "tray"): "weightless, on a rough tray: the judge finds nothing beside two answers",
     (156, 0, "rollers"): "taut over rough rollers, at 3e6 EI / L^2: 4.5 %, told in 4 times as many poses",
-    (156, 0, "table"): "a cable drawn along a rough table: 1.3 % likewise",
     (156, 3, "lift"): "a rough lift laid flat: the judge sees its mesh's error, 2.3e-4, it says 2.9 % in all",
     (156, 18, "tray"): "a rough tray: on a finer path a step in which it meets a wall is 1.03 % off",
     (157, 0, "lift"): "a rough lift: at its clamp friction is 20 % less than it asks for, at one pose",

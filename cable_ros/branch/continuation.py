@@ -139,6 +139,7 @@ def continue_branch(
     taut, in_a_row, falls = False, 0, 0
     given = last = rod.work  # at the start, and after the last step
     fork: float | None = None
+    allowed = longest  # how long a step friction's changes in the last one allow, whether or not it is solved
     rod.forked = False
 
     def ended(end: End) -> Continuation:
@@ -163,6 +164,8 @@ def continue_branch(
         iterations += count
         # a rod in contact counts its work itself
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
+        if rod.frictional and code in (warm_step.ADVANCED, warm_step.TOO_FAR):
+            allowed = min((target - at) * rod.stride, longest)
         if code == warm_step.ADVANCED:
             at, q, F, last = target, q_new, F_new, rod.work
             fork, rod.forked = (at if rod.forked else fork), False
@@ -241,7 +244,7 @@ def continue_branch(
             replacement, fallback = fallback(rod, q, F), None
             if replacement is not None:
                 rod, q, F = replacement, replacement.shape, replacement.end_force
-                step = longest
+                step = allowed
                 continue
             stable = stable or rod.refactor(q, F)
         if not (stable or folding):
