@@ -12,7 +12,25 @@ from cable_ros.equilibrium import Equilibrium
 TOLERANCE = 1e-5
 SAME = 2e-5
 """Largest difference of wrenches that agree, over their largest component: that of two solves."""
-EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+EIGHT = np.linspace(0.0, 1.0, 9)
+
+
+@pytest.fixture(scope="module", params=CASES, ids=lambda case: case.name)
+def case(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def there_and_back(case):
+    """Results in 16 steps there and as many back."""
+    there = np.linspace(0.0, 1.0, 17)
+    return case.led(np.concatenate([there, there[-2::-1]]), TOLERANCE)
+
+
+@pytest.fixture(scope="module")
+def in_eight(case):
+    """Results there in 8 steps."""
+    return case.led(EIGHT, TOLERANCE)
 
 
 def agree(one: Equilibrium, two: Equilibrium) -> None:
@@ -21,10 +39,8 @@ def agree(one: Equilibrium, two: Equilibrium) -> None:
     np.testing.assert_allclose(one.points, two.points, atol=10 * TOLERANCE)
 
 
-@EVERY
-def test_there_and_back_it_is_as_before(case):
-    there = np.linspace(0.0, 1.0, 17)
-    found = case.led(np.concatenate([there, there[-2::-1]]), TOLERANCE)
+def test_there_and_back_it_is_as_before(there_and_back):
+    found = there_and_back
     for k in range(16):
         agree(found[-1 - k], found[k])
     assert any(one.contacts for one in found)
@@ -32,23 +48,20 @@ def test_there_and_back_it_is_as_before(case):
         assert all(point.force @ point.normal >= 0.0 for point in one.contacts)
 
 
-@EVERY
-def test_two_eight_or_thirty_two_steps_lead_to_one_answer(case):
-    few, some, many = case.in_steps(TOLERANCE)
-    agree(few, many)
-    agree(some, many)
+def test_two_eight_or_sixteen_steps_lead_to_one_answer(case, in_eight, there_and_back):
+    many = there_and_back[16]
+    agree(case.led(np.linspace(0.0, 1.0, 3), TOLERANCE)[-1], many)
+    agree(in_eight[-1], many)
 
 
-@EVERY
-def test_the_twelfth_digit_of_a_joint_hardly_matters(case):
-    agree(*case.beside(TOLERANCE))
+def test_the_twelfth_digit_of_a_joint_hardly_matters(case, in_eight):
+    agree(in_eight[-1], case.led(EIGHT * (1.0 + 1e-12), TOLERANCE)[-1])
 
 
-@EVERY
-def test_nothing_of_it_is_inside_of_an_obstacle(case):
+def test_nothing_of_it_is_inside_of_an_obstacle(case, in_eight):
     (obstacle,) = case.scene["obstacles"]
-    for part in (0.0, 0.5, 1.0):
-        (found,) = case.led(np.array([part]), TOLERANCE)
+    cold = [(part, *case.led(np.array([part]), TOLERANCE)) for part in (0.5, 1.0)]
+    for part, found in [*zip(EIGHT, in_eight, strict=True), *cold]:
         points = found.points - case.to * part * ("link" in obstacle)
         assert _outside(obstacle, points).min() > 0.005 - 1e-5
 

@@ -61,14 +61,6 @@ class Case:
             out.append(found)
         return out
 
-    def in_steps(self, tolerance: float) -> list[Equilibrium]:
-        """The last one of the path in 2, 8 and 32 steps."""
-        return [self.led(np.linspace(0.0, 1.0, steps + 1), tolerance)[-1] for steps in (2, 8, 32)]
-
-    def beside(self, tolerance: float) -> list[Equilibrium]:
-        """The last one of the path, and of another that differs from it in the twelfth digit."""
-        return [self.led(np.linspace(0.0, end, 9), tolerance)[-1] for end in (1.0, 1.0 + 1e-12)]
-
     def mounts(self) -> list[dict[str, Any]]:
         """The mounts of the cable in the scene: start, end, supports."""
         (cable,) = self.scene["cables"]
