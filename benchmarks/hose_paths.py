@@ -30,7 +30,7 @@ def main() -> int:
     )
     poses = trusted = off = 0
     for one in chosen:
-        led = run(one)
+        led = run(one.hose.name)
         if not abs(led.twist - one.total_twist) < 0.02:
             print(
                 f"| {one.hose.name} | starts from another equilibrium, twist {led.twist:.3f} rad: left out |"

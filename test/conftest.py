@@ -60,8 +60,8 @@ settings.load_profile("repeatable")
 
 STARTS_NODES = ("ros/", "cli/test_demo.py")
 """Files whose tests start nodes and wait for them: one after the other, each with a core for the node."""
-APART = ("test_zoo.py", "test_hose_paths.py")
-"""Long files whose tests share nothing: each test goes to the process that is free."""
+APART = ("test_zoo.py",)
+"""A long file whose tests share nothing: each goes to the process that is free."""
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ SAME = 0.01
 SMALL = 0.05
 
 
+@cache
 def told(key: Key, poses: int, parts: int, tolerance: float = 1e-4) -> list[Equilibrium]:
     """Answers at the first poses of a drawn case's path, which is told in `parts` as many."""
     case = drawn_case(*key[:2], tolerance, *key[2:])
