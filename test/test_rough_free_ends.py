@@ -182,7 +182,7 @@ def test_a_heavy_rope_drawn_over_a_drum_slides_at_the_capstans_ratio(radius, abo
 
 @EVERY
 def test_few_poses_and_many_lead_to_one_answer(name):
-    few, many = led(name).led(np.linspace(0, 1, 11), 1e-4)[-1], led(name).led(np.linspace(0, 1, 81), 1e-4)[-1]
+    few, many = ours(name)[STEPS], led(name).led(np.linspace(0, 1, 4 * STEPS + 1), 1e-4)[-1]
     np.testing.assert_allclose(
         few.start_wrench, many.start_wrench, atol=0.01 * np.abs(many.start_wrench).max()
     )
