@@ -225,9 +225,14 @@ LIFTS = [*np.linspace(0.03, -0.02, 11), *np.linspace(-0.02, 0.0, 5)[1:]]
 """Stick, slip, and stick the other way."""
 
 
-def test_does_not_depend_on_the_point_of_view() -> None:
+@pytest.fixture(scope="module")
+def base() -> dict[str, Equilibrium]:
+    """The cables at the end of `LIFTS`."""
+    return walk(tracker(0.15), LIFTS)[-1]
+
+
+def test_does_not_depend_on_the_point_of_view(base: dict[str, Equilibrium]) -> None:
     """Another order, another end to begin at, another frame of the world: the same forces, with a history."""
-    base = walk(tracker(0.15), LIFTS)[-1]
     assert abs(np.linalg.norm(base["below"].contacts[0].force)) > 0.05
     turn, shift = Rotation.from_euler("z", 0.7), np.array([0.3, -0.2, 0.1])
     moved = [transformed(one, turn, shift) for one in (BELOW, ABOVE)]
@@ -240,8 +245,7 @@ def test_does_not_depend_on_the_point_of_view() -> None:
             np.testing.assert_allclose(found[name].end_wrench, base[name].end_wrench, atol=1e-4 * scale)
 
 
-def test_mirror_image() -> None:
-    base = walk(tracker(0.15), LIFTS)[-1]
+def test_mirror_image(base: dict[str, Equilibrium]) -> None:
     image = walk(tracker(0.15, cables=[mirrored(BELOW), mirrored(ABOVE)]), LIFTS)[-1]
     sign = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
     for name in ("below", "above"):
