@@ -81,6 +81,7 @@ OF_A_KIND = {
     (156, 3, "lift"): "a rough lift laid flat: the judge sees its mesh's error, 2.3e-4, it says 2.9 % in all",
     (156, 18, "tray"): "a rough tray: on a finer path a step in which it meets a wall is 1.03 % off",
     (157, 0, "lift"): "a rough lift: at its clamp friction is 20 % less than it asks for, at one pose",
+    (130, 11, "lift"): "a point lands beside its clamp within 1e-5 L: 2.6 % off, in any number of poses",
     (157, 6, "lift"): "a rough lift laid flat, told in 4 times as many poses: its last landing is 21 % off",
     (145, 91, "beams"): "two legs like mirror images are to slip: which does, 1.9 %, the steps decide",
     (154, 9, "ball"): "a light cable on a rough ball: it falls, and friction is forgotten",
