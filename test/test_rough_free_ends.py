@@ -14,7 +14,7 @@ from pages import blocks
 from references.coulomb_rod import Led, Obstacle, Path, lead
 from scipy.spatial.transform import Rotation
 from test_touching_ends import DIAMETER, FREE, GROUND, among, wrenches
-from zoo_supports import Case
+from zoo_supports import Case, there_and_back
 
 from cable_ros import Tracker
 from cable_ros.branch import followed_pieces
@@ -48,11 +48,6 @@ def led(name: str, steps: int = STEPS, **fields: Any) -> Case:
     start, weight, to, _ = PATHS[name]
     ground = GROUND | {"friction": fields.pop("friction", FRICTION)}
     return Case(name, among(start | {"link": "cart"}, FREE, ground, weight=weight, **fields), np.array(to))
-
-
-def there_and_back(steps: int) -> np.ndarray:
-    there = np.linspace(0.0, 1.0, steps + 1)
-    return np.concatenate([there, there[-2::-1]])
 
 
 @cache

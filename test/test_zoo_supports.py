@@ -6,33 +6,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from references import supported
-from zoo_supports import CASES, FLIP, Case, frame
+from zoo_supports import CASES, FLIP, Answers, Case, frame
 
 from cable_ros.equilibrium import Equilibrium
 
 TOLERANCE = 1e-8
-EIGHT = np.linspace(0.0, 1.0, 9)
 SAME = 1e-6
 """Largest difference of wrenches that agree, over their largest component: that of two solves, and 50 times
 as much for a taut cable."""
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: case.name)
-def case(request):
-    return request.param
-
-
-@pytest.fixture(scope="module")
-def there_and_back(case):
-    """Results in 16 steps there and as many back."""
-    there = np.linspace(0.0, 1.0, 17)
-    return case.led(np.concatenate([there, there[-2::-1]]), TOLERANCE)
-
-
-@pytest.fixture(scope="module")
-def in_eight(case):
-    """Results there in 8 steps."""
-    return case.led(EIGHT, TOLERANCE)
+def answers(request):
+    return Answers(request.param, TOLERANCE)
 
 
 def wrenches(found: Equilibrium) -> np.ndarray:
@@ -45,7 +31,8 @@ def agree(one: Equilibrium, two: Equilibrium, tolerance: float = SAME) -> None:
     np.testing.assert_allclose(wrenches(one) / sizes.max(), wrenches(two) / sizes.max(), atol=tolerance)
 
 
-def test_it_is_that_of_shooting(case):
+def test_it_is_that_of_shooting(answers):
+    case = answers.case
     one = case.tracker(TOLERANCE)
     for part in np.linspace(0.0, case.shot, 9):
         found = one.arrive(case.joints(part))["c"]
@@ -75,25 +62,26 @@ def test_it_is_that_of_shooting(case):
     np.testing.assert_allclose(guess.arcs, exact.arcs, atol=1e-8)
 
 
-def test_there_and_back_it_is_as_before(there_and_back):
-    found = there_and_back
+def test_there_and_back_it_is_as_before(answers):
+    found = answers.there_and_back
     for k in range(16):
         agree(found[-1 - k], found[k])
         assert found[-1 - k].total_twist == pytest.approx(found[k].total_twist, abs=1e-6)
 
 
-def test_two_eight_or_sixteen_steps_lead_to_one_answer(case, in_eight, there_and_back):
-    many = there_and_back[16]
-    agree(case.led(np.linspace(0.0, 1.0, 3), TOLERANCE)[-1], many)
-    agree(in_eight[-1], many)
+def test_two_eight_or_sixteen_steps_lead_to_one_answer(answers):
+    few, some, many = answers.in_steps()
+    agree(few, many)
+    agree(some, many)
 
 
-def test_the_twelfth_digit_of_a_joint_hardly_matters(case, in_eight):
-    agree(in_eight[-1], case.led(EIGHT * (1.0 + 1e-12), TOLERANCE)[-1])
+def test_the_twelfth_digit_of_a_joint_hardly_matters(answers):
+    agree(*answers.beside())
 
 
-def test_its_mirror_image_has_mirrored_wrenches(case, in_eight):
-    for plain, image in zip(in_eight, case.mirrored().led(EIGHT, TOLERANCE), strict=True):
+def test_its_mirror_image_has_mirrored_wrenches(answers):
+    mirrored = Answers(answers.case.mirrored(), TOLERANCE)
+    for plain, image in zip(answers.in_eight, mirrored.in_eight, strict=True):
         mirror = np.kron(np.diag([1.0, -1.0]), FLIP)  # moments are axial vectors
         size = np.abs(wrenches(plain)).max()
         np.testing.assert_allclose(wrenches(image) @ mirror, wrenches(plain), atol=SAME * size)

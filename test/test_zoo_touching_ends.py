@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from zoo_supports import Answers
 from zoo_touching_ends import CASES
 
 from cable_ros.equilibrium import Equilibrium
@@ -12,25 +13,11 @@ from cable_ros.equilibrium import Equilibrium
 TOLERANCE = 1e-5
 SAME = 2e-5
 """Largest difference of wrenches that agree, over their largest component: that of two solves."""
-EIGHT = np.linspace(0.0, 1.0, 9)
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: case.name)
-def case(request):
-    return request.param
-
-
-@pytest.fixture(scope="module")
-def there_and_back(case):
-    """Results in 16 steps there and as many back."""
-    there = np.linspace(0.0, 1.0, 17)
-    return case.led(np.concatenate([there, there[-2::-1]]), TOLERANCE)
-
-
-@pytest.fixture(scope="module")
-def in_eight(case):
-    """Results there in 8 steps."""
-    return case.led(EIGHT, TOLERANCE)
+def answers(request):
+    return Answers(request.param, TOLERANCE)
 
 
 def agree(one: Equilibrium, two: Equilibrium) -> None:
@@ -39,8 +26,8 @@ def agree(one: Equilibrium, two: Equilibrium) -> None:
     np.testing.assert_allclose(one.points, two.points, atol=10 * TOLERANCE)
 
 
-def test_there_and_back_it_is_as_before(there_and_back):
-    found = there_and_back
+def test_there_and_back_it_is_as_before(answers):
+    found = answers.there_and_back
     for k in range(16):
         agree(found[-1 - k], found[k])
     assert any(one.contacts for one in found)
@@ -48,20 +35,21 @@ def test_there_and_back_it_is_as_before(there_and_back):
         assert all(point.force @ point.normal >= 0.0 for point in one.contacts)
 
 
-def test_two_eight_or_sixteen_steps_lead_to_one_answer(case, in_eight, there_and_back):
-    many = there_and_back[16]
-    agree(case.led(np.linspace(0.0, 1.0, 3), TOLERANCE)[-1], many)
-    agree(in_eight[-1], many)
+def test_two_eight_or_sixteen_steps_lead_to_one_answer(answers):
+    few, some, many = answers.in_steps()
+    agree(few, many)
+    agree(some, many)
 
 
-def test_the_twelfth_digit_of_a_joint_hardly_matters(case, in_eight):
-    agree(in_eight[-1], case.led(EIGHT * (1.0 + 1e-12), TOLERANCE)[-1])
+def test_the_twelfth_digit_of_a_joint_hardly_matters(answers):
+    agree(*answers.beside())
 
 
-def test_nothing_of_it_is_inside_of_an_obstacle(case, in_eight):
+def test_nothing_of_it_is_inside_of_an_obstacle(answers):
+    case = answers.case
     (obstacle,) = case.scene["obstacles"]
     cold = [(part, *case.led(np.array([part]), TOLERANCE)) for part in (0.5, 1.0)]
-    for part, found in [*zip(EIGHT, in_eight, strict=True), *cold]:
+    for part, found in [*zip(answers.EIGHT, answers.in_eight, strict=True), *cold]:
         points = found.points - case.to * part * ("link" in obstacle)
         assert _outside(obstacle, points).min() > 0.005 - 1e-5
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,12 @@ CART = """
 <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>
 """
 FLIP = np.diag([1.0, -1.0, 1.0])
+
+
+def there_and_back(steps: int) -> np.ndarray:
+    """(2 steps + 1,) fractions of a path, in so many steps each way."""
+    there = np.linspace(0.0, 1.0, steps + 1)
+    return np.concatenate([there, there[-2::-1]])
 
 
 @dataclass(frozen=True)
@@ -85,6 +92,36 @@ class Case:
                 mount["position"] = (mount["position"] + part * self.to).tolist()
         (cable,) = there.scene["cables"]
         return cable
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What a case's path ends in, told in several ways; each is solved once."""
+
+    case: Case
+    tolerance: float
+
+    EIGHT = np.linspace(0.0, 1.0, 9)
+    """Fractions of the path in 8 steps."""
+
+    @cached_property
+    def there_and_back(self) -> list[Equilibrium]:
+        """In 16 steps there and as many back."""
+        return self.case.led(there_and_back(16), self.tolerance)
+
+    @cached_property
+    def in_eight(self) -> list[Equilibrium]:
+        """There in 8 steps."""
+        return self.case.led(self.EIGHT, self.tolerance)
+
+    def in_steps(self) -> list[Equilibrium]:
+        """The last one of the path in 2, 8 and 16 steps."""
+        few = self.case.led(np.linspace(0.0, 1.0, 3), self.tolerance)
+        return [few[-1], self.in_eight[-1], self.there_and_back[16]]
+
+    def beside(self) -> list[Equilibrium]:
+        """The last one of the path, and of another that differs from it in the twelfth digit."""
+        return [self.in_eight[-1], self.case.led(self.EIGHT * (1.0 + 1e-12), self.tolerance)[-1]]
 
 
 def frame(mount: dict[str, Any]) -> Rotation:
