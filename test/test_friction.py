@@ -13,6 +13,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from one_joint import moved
 from references import contact
 from references.free_boundary import GROUND, Lying, Surface, clamp, meet, stuck
 from references.reference import Reference, planar_frame
@@ -34,16 +35,6 @@ ROOM = 1e-6
 """Of the cone, for rounding."""
 
 
-def moved(name: str, kind: str, axis: str, origin: Sequence[float] = (0.0, 0.0, 0.0)) -> str:
-    """URDF of one joint `name` between the world and the link `body`."""
-    place = " ".join(str(float(x)) for x in origin)
-    return (
-        f'<robot name="{name}"><link name="world"/><link name="body"/><joint name="{name}" type="{kind}">'
-        f'<parent link="world"/><child link="body"/><origin xyz="{place}" rpy="0 0 0"/><axis xyz="{axis}"/>'
-        '<limit lower="-10" upper="10" effort="1" velocity="1"/></joint></robot>'
-    )
-
-
 def tracker(reference: Reference, obstacle: dict, urdf: str, tolerance: float = 1e-4) -> Tracker:
     scene = replace(reference, obstacles=({**obstacle, "link": "body"},)).scene()
     return Tracker(load_scene(scene, urdf=urdf), tolerance=tolerance)
@@ -62,7 +53,7 @@ def on_drum(reference: Reference, friction: float, tolerance: float = 1e-4) -> T
         "cylinder": {"start": [0.0, 0.0, -1.0], "end": [0.0, 0.0, 1.0], "radius": RADIUS},
         "friction": friction,
     }
-    return tracker(reference, drum, moved("turn", "continuous", "0 0 1", (*CENTRE, 0.0)), tolerance)
+    return tracker(reference, drum, moved("turn", "continuous", (0, 0, 1), (*CENTRE, 0.0)), tolerance)
 
 
 DRUM = Surface((float(CENTRE[0]), float(CENTRE[1])), RADIUS)
@@ -189,7 +180,7 @@ def test_ground_drawn_lengthwise_under_a_cable_that_is_lifted() -> None:
     made = contact.lifted().reference
     ends = clamp(made.start), clamp(made.end)
     table = {**contact.GROUND, "friction": friction}
-    steps = tracker(made, table, moved("x", "prismatic", "1 0 0"))
+    steps = tracker(made, table, moved("x", "prismatic", (1, 0, 0)))
     there, back = follow(steps, "x", [0.0, 0.01, 0.02, 0.01, 0.0])[2::2]
     for one, sign in ((there, -1.0), (back, 1.0)):
         lying, exact = meet(ends, Lying(0.0, 0.55, 0.0, 10.0, 0.0, 19.0), GROUND, weight, sign * friction)
@@ -207,7 +198,7 @@ def test_ground_drawn_sideways_under_a_lying_rod() -> None:
     reference = contact.dragged_sideways()
     (table,) = reference.obstacles
     there, back = follow(
-        tracker(reference, table, moved("y", "prismatic", "0 1 0")),
+        tracker(reference, table, moved("y", "prismatic", (0, 1, 0))),
         "y",
         [0.0, -0.01, -0.02, -0.03, -0.02, 0.03],
     )[3::2]

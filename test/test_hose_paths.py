@@ -51,16 +51,16 @@ def run(name: str) -> Compared:
     path = KNOWN[name]
     tracker = Tracker(load_scene(path.scene(), urdf=path.urdf()))
     (cable,) = tracker._tracked_cables
-    found, lies = [], []
+    found, in_contact = [], []
     for state in path.states():
         found.append(tracker.solve(state)["hose"])
-        lies.append(isinstance(cable.rod, TouchingRod))
+        in_contact.append(isinstance(cable.rod, TouchingRod))
     force, exact = np.array([one.end_wrench[:3] for one in found]), path.end_wrench[:, :3]
     return Compared(
         force,
         np.linalg.norm(force - exact, axis=1) / np.linalg.norm(exact, axis=1),
         np.array([one.status.trusted for one in found]),
-        np.array(lies),
+        np.array(in_contact),
         [one.status.name for one in found],
         np.array([one.solve_time for one in found]),
         found[0].total_twist,

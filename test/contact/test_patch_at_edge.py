@@ -7,28 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from one_joint import RADIUS, lying, moved
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 
-EDGE, RADIUS = 0.0, 0.005
-ALONG_X = [0.0, 0.5**0.5, 0.0, 0.5**0.5]
-URDF = """<robot name="r"><link name="world"/><link name="hand"/><joint name="z" type="prismatic">
-<parent link="world"/><child link="hand"/><axis xyz="0 0 1"/>
-<limit lower="-9" upper="9" effort="1" velocity="1"/></joint></robot>"""
+EDGE = 0.0
+URDF = moved("z", "prismatic", (0, 0, 1))
 SCENE: dict[str, Any] = {
     "gravity": [0, 0, -9.81],
     "obstacles": [{"name": "table", "box": {"center": [-1, 0, -0.5], "size": [2, 1, 1]}}],
-    "cables": [
-        {
-            "name": "cable",
-            "length": 1.0,
-            "stiffness": [0.01, 0.01, 0.0075],
-            "outer_diameter": 2.0 * RADIUS,
-            "linear_density": 0.05,
-            "start": {"position": [-0.5, 0, RADIUS], "orientation": ALONG_X},
-            "end": {"link": "hand", "position": [0.47, 0, 0], "orientation": ALONG_X},
-        }
-    ],
+    "cables": [lying({"position": [-0.5, 0, RADIUS]}, {"link": "body", "position": [0.47, 0, 0]})],
 }
 HIGH, LOW = 0.12, -0.05
 

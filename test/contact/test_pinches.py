@@ -7,17 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from one_joint import RADIUS, lying, moved
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.contact_fuzz import contact_case
 from cable_ros.bench.metamorphic import follow, nudged
 
-RADIUS, BALL = 0.005, 0.02
-ALONG_X = [0.0, 0.5**0.5, 0.0, 0.5**0.5]
+BALL = 0.02
 AWAY, NEAR = 0.3, 0.02
-URDF = """<robot name="r"><link name="world"/><link name="hand"/><joint name="y" type="prismatic">
-<parent link="world"/><child link="hand"/><axis xyz="0 1 0"/>
-<limit lower="-9" upper="9" effort="1" velocity="1"/></joint></robot>"""
+URDF = moved("y", "prismatic", (0, 1, 0))
 
 
 def scene(height: float) -> dict[str, Any]:
@@ -27,19 +25,9 @@ def scene(height: float) -> dict[str, Any]:
         "gravity": [0, 0, -9.81],
         "obstacles": [
             {"name": "ground", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}},
-            {"name": "ball", "link": "hand", "sphere": {"center": [0.1, 0, above], "radius": BALL}},
+            {"name": "ball", "link": "body", "sphere": {"center": [0.1, 0, above], "radius": BALL}},
         ],
-        "cables": [
-            {
-                "name": "cable",
-                "length": 1.0,
-                "stiffness": [0.01, 0.01, 0.0075],
-                "outer_diameter": 2.0 * RADIUS,
-                "linear_density": 0.05,
-                "start": {"position": [-0.48, 0, height], "orientation": ALONG_X},
-                "end": {"position": [0.48, 0, height], "orientation": ALONG_X},
-            }
-        ],
+        "cables": [lying({"position": [-0.48, 0, height]}, {"position": [0.48, 0, height]})],
     }
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from one_joint import ALONG_X, moved
 from references import contact
 from references.coulomb_rod import Obstacle, Path, lead
 from references.free_boundary import Lying, Surface, clamp, meet
@@ -32,18 +33,6 @@ from cable_ros.contact.stretched import displaced
 from cable_ros.contact.stretching_rod import StretchingTouchingRod
 
 UPRIGHT = [0.0, 0.0, 0.0, 1.0]
-ALONG_X = [0.0, 0.5**0.5, 0.0, 0.5**0.5]
-
-
-def moved(kind: str, axis: Sequence[float], origin: Sequence[float] = (0.0, 0.0, 0.0)) -> str:
-    """URDF of the joint `j` between the world and the link `body`."""
-    xyz, place = (" ".join(str(float(x)) for x in v) for v in (axis, origin))
-    return (
-        '<robot name="r"><link name="world"/><link name="body"/>'
-        f'<joint name="j" type="{kind}"><parent link="world"/><child link="body"/>'
-        f'<origin xyz="{place}" rpy="0 0 0"/><axis xyz="{xyz}"/>'
-        '<limit lower="-9" upper="9" effort="1" velocity="1"/></joint></robot>'
-    )
 
 
 def follow(tracker: Tracker, values: Sequence[float]) -> list[Equilibrium]:
@@ -78,7 +67,7 @@ def drawn(tolerance: float = 1e-4) -> Tracker:
         "gravity": [0.0, 0.0, -10.0], "cable_radius": "ignore", "cables": [cable],
         "obstacles": [{"name": "ground", "plane": ground, "friction": MU}],
     }  # fmt: skip
-    return Tracker(load_scene(scene, urdf=moved("prismatic", [1.0, 0.0, 0.0])), tolerance)
+    return Tracker(load_scene(scene, urdf=moved("j", "prismatic", [1.0, 0.0, 0.0])), tolerance)
 
 
 def tension(draw: float, turned: float | None = None, again: float | None = None) -> float:
@@ -148,7 +137,7 @@ def on_drum(axial: float, friction: float, tolerance: float = 1e-4) -> Tracker:
     drum = {"name": "drum", "cylinder": cylinder, "friction": friction, "link": "body"}
     more = {} if np.isinf(axial) else {"axial_stiffness": axial}
     scene = replace(draped(), obstacles=(drum,)).scene(**more)
-    return Tracker(load_scene(scene, urdf=moved("continuous", [0, 0, 1], [*CENTRE, 0.0])), tolerance)
+    return Tracker(load_scene(scene, urdf=moved("j", "continuous", [0, 0, 1], [*CENTRE, 0.0])), tolerance)
 
 
 def turned(axial: float, friction: float, turns: Sequence[float], segments: int) -> np.ndarray:
@@ -350,7 +339,7 @@ def over_ball(
         "cables": [cable], "obstacles": [{"name": "ball", "sphere": sphere, "friction": 0.35}],
     }  # fmt: skip
     axis = whole.apply(side @ LED) / np.linalg.norm(LED)
-    tracker = Tracker(load_scene(scene, urdf=moved("prismatic", axis)), 1e-6)
+    tracker = Tracker(load_scene(scene, urdf=moved("j", "prismatic", axis)), 1e-6)
     away = float(np.linalg.norm(LED)) * size
     return follow(tracker, [0.0, 0.5 * away, away, 0.5 * away, 0.0])
 
