@@ -115,11 +115,12 @@ class FixedSetRod(ConstrainedRod):
         length = points[:, LENGTH]
         return np.where(length > 0.0, np.minimum(self.bedding * length, STICK), STICK)
 
-    def _coefficients(self) -> np.ndarray:
-        """(count,) coefficients of friction of the obstacles that the contact points are on."""
+    def _coefficients(self, points: np.ndarray | None = None) -> np.ndarray:
+        """(k,) coefficients of friction of the obstacles that `points` (k, COLUMNS) are on, or its own."""
         if self.obstacles is None:
             return np.zeros(0)
-        return self.obstacles[self.points[: self.count, OBSTACLE].astype(int), FRICTION_COEFFICIENT]
+        points = self.points[: self.count] if points is None else points
+        return self.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT]
 
     def _on_rough(self) -> np.ndarray:
         """(count,) which contact points are on an obstacle with friction, whether they press or not."""

@@ -8,7 +8,6 @@ import math
 import numpy as np
 
 from cable_ros.contact.detection import RESTING
-from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.laying_down import Landing
@@ -111,11 +110,10 @@ class FrictionalRod(FixedSetRod):
         """What has come down since its contact points were `before` (k, COLUMNS), if it lies on anything."""
         if self.creeps or not self.lies:
             return None
-        assert self.obstacles is not None
-        rough = self.obstacles[before[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT] > 0.0
-        here = self._on_rough()
-        points = self.points[: self.count][here]
-        return Landing.of(before[rough], points, self._coefficients()[here] * points[:, FORCE])
+        coefficients, points = self._coefficients(), self.points[: self.count]
+        rough = coefficients > 0.0
+        possible = coefficients[rough] * points[rough, FORCE]
+        return Landing.of(before[self._coefficients(before) > 0.0], points[rough], possible)
 
     def follow(
         self, distance: float, before: np.ndarray, after: np.ndarray, landing: Landing | None = None
