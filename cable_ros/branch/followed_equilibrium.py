@@ -53,9 +53,10 @@ PROGRESS = 0.01
 PROGRESS_LYING = 1e-3
 """The same on a grid, or where it lies on something rough: a budget is ten steps there, and after a hard
 place they grow again."""
-LEAST_SHARE, LEAST_SHARE_LYING = 0.01, 1e-3
+LEAST_SHARE, LEAST_SHARE_GRID, LEAST_SHARE_ROUGH = 0.01, 1e-3, 1e-6
 """Unless its steps, halved again and again, were still longer than this when the budget was used up. On a
-grid a step that fails may cost all of it, and where the cable falls several do."""
+grid a step that fails may cost all of it, and where the cable falls several do; where it touches something
+rough, friction may turn within 1e-7 lengths."""
 MOST_SNAPS = 12
 """Maximum number of snap-throughs with friction on the way to one pose: a joint value that no robot has would
 lead round and round."""
@@ -296,7 +297,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
         progressed = result.at >= least * longest or any(snap.folded for snap in result.snaps)
         # another rod, or a whole budget, may get farther
         progressed |= result.rod is not start or self._budget < self._full_budget
-        share = longest * (LEAST_SHARE_LYING if slow else LEAST_SHARE)
+        rough = LEAST_SHARE_ROUGH if rod.frictional else LEAST_SHARE
+        share = longest * (LEAST_SHARE_GRID if rod.on_grid else rough)
         # where friction turns over within 1e-5 lengths steps are as short, and grow again behind it
         self._crawled = self._crawled + 1 if not progressed and result.at > 0.0 else 0
         crawls = slow and 0 < self._crawled <= PATIENT

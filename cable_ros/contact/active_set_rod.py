@@ -12,7 +12,6 @@ import numpy as np
 from cable_ros.contact.edges import across_edges
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.frictional_rod import FrictionalRod
-from cable_ros.contact.laying_down import SHORTEST_LANDING
 from cable_ros.contact.meshing import CLOSEST, fitted, layered
 from cable_ros.contact.newton import active_set_newton
 from cable_ros.contact.patches import resample
@@ -34,15 +33,12 @@ from cable_ros.contact.points import (
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.slip_kernels import note_slip
 from cable_ros.contact.symmetry import leaves_plane
-from cable_ros.contact.travel import (
-    SHORTER,
-    travel,
-)
+from cable_ros.contact.travel import SHORTER, SHORTEST, travel
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
-from cable_ros.rod.without_contact import EASY, SAME, SHORTEST_STEP
+from cable_ros.rod.without_contact import EASY, SAME
 
 FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR
 """How a step ends that may be solved in another way."""
@@ -294,13 +290,12 @@ class ActiveSetRod(FrictionalRod):
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
             if iterations > EASY and self._turns_back():
                 self.stride = min(self.stride, TURN_BACK)
-            if not self.trial and (leaps or (self.stride < SHORTER and distance > SHORTEST_STEP)):
-                code, self.stride = warm_step.TOO_FAR, max(self.stride, 0.99 * SHORTEST_STEP / distance)
             landing = self.landing(kept[0]) if distance > STILL else None
             again, onward = self._landing_strides(landing, distance, F_new)
-            if code == warm_step.ADVANCED and again < 1.0 and not self.trial and distance > SHORTEST_LANDING:
-                code, self.stride = warm_step.TOO_FAR, again
-            elif code == warm_step.ADVANCED:
+            again = min(again, self.stride if leaps or self.stride < SHORTER else 1.0)
+            if not self.trial and (leaps or (again < 1.0 and distance > SHORTEST)):
+                code, self.stride = warm_step.TOO_FAR, max(again, 0.99 * SHORTEST / distance)
+            else:
                 self.onward, self.stride = onward, min(self.stride, onward)
         if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):
             code = warm_step.TOO_FAR

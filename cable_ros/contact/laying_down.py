@@ -24,8 +24,6 @@ LITTLE = 5e-3
 """Friction of a free span if it lay, over the end force, up to which it may come down at once."""
 SHORTEST_SPAN = 0.02
 """Free span, L, up to which it may, too: about the spacing of the points at which contact is looked for."""
-SHORTEST_LANDING = 1e-7
-"""Length of a step, L, in which anything may come down: a cable that falls flat does so in any step."""
 
 
 @dataclass(frozen=True)

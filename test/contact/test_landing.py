@@ -13,7 +13,7 @@ from cable_ros import Tracker
 from cable_ros.bench.cases import Pose, case_scene
 from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.branch import handover
-from cable_ros.contact import frictional_rod, nodal_rod, nodal_solver
+from cable_ros.contact import active_set_rod, frictional_rod, nodal_rod, nodal_solver
 from cable_ros.contact.laying_down import FLAT, LANDS, SHORTEST_SPAN, Landing
 from cable_ros.contact.nodal_kernels import COMPLIANCE
 from cable_ros.contact.nodal_rod import NodalRod
@@ -52,6 +52,7 @@ def closing_in(path: tuple[Pose, ...], count: int = 30) -> Iterator[Pose]:
 
 PATHS = {
     "as it is": CASE.path,
+    "in 4 times as many": tuple(refined(CASE.path, 4)),
     "in 16 times as many": tuple(refined(CASE.path, 16)),
     "ever smaller": tuple(closing_in(CASE.path)),
 }
@@ -95,15 +96,20 @@ def test_what_comes_down_at_the_last_pose_slips_as_it_did_there(monkeypatch: pyt
     exact = home(256)
     size = float(np.linalg.norm(exact[:3]))
     for parts in (1, 4):
-        assert np.linalg.norm((home(parts) - exact)[:3]) < 0.01 * size
+        assert np.linalg.norm((home(parts) - exact)[:3]) < 0.002 * size
+    with monkeypatch.context() as patch:
+        patch.setattr(active_set_rod, "SHORTEST", 2e-4)
+        assert np.linalg.norm((home(1) - exact)[:3]) > 0.015 * size
     monkeypatch.setattr(frictional_rod, "FORCE_CHANGE", np.inf)
     monkeypatch.setattr(frictional_rod, "LANDING_CHANGE", np.inf)
     assert np.linalg.norm((home(1) - exact)[:3]) > 0.015 * size
 
 
-@pytest.mark.parametrize(("index", "parts"), [(6, 2), (14, 4)])
+@pytest.mark.parametrize(("index", "parts"), [(6, 4), (14, 4)])
 def test_what_is_laid_flat_does_not_depend_on_how_its_path_is_told(index: int, parts: int) -> None:
-    """Most of its end landed in the path's last step: told in 4 times as many poses it was 2 % off."""
+    """Most of its end landed in the path's last step: told in 4 times as many poses it was 2 % off. Such
+    short steps were not refused: one of 1e-7 L, in which friction was found that turns back, was 21 % off.
+    """
     case = drawn_case(157, index, 1e-4, "lift")
     scene, last = case_scene(case), []
     for path in (case.path, refined(case.path, parts)):
