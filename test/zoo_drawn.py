@@ -242,6 +242,7 @@ FOUND = {
     (125, 8): "a rough slot in five poses",
     (126, 11): "a light cable on a rough tray, led along",
     (130, 43): "a rough edge, across it on no grid",
+    (132, 63): "a weightless cable in a rough corner that moves away",
     (134, 0): "a lift off rough ground, in steps of 4e-6 of its length at first",
     (142, 32, "corner"): "a cable stuck in a rough corner: a new mesh led it to another equilibrium",
     (142, 179, "corner"): "a light cable in a rough corner that turns: one leg sticks, one slides",

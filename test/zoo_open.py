@@ -62,7 +62,6 @@ DRAWN = {
     (136, 51): "a rough ball pushed up until the cable is taut: eight poses are reported",
     (137, 8): "a heavy lift at its last pose, on a grid whose error is 5.3 %",
     (138, 18): "a hose led about: 17 of 41 poses on a grid whose error is too large",
-    (132, 63): "weightless, in a rough corner that moves away: 2e-4 on the way decide whether a grid gets on",
     (115, 58): "a leg that sticks in a rough corner: at two poses it is neutral to the judge, who says 4e-4",
     (140, 33): "heavy, over rough beams, pulled until taut: 96 % of the way to a pose",
     (144, 27): "a weightless cable on a rough ball, told in 4 times as many poses: 1.0 %",

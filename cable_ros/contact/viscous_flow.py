@@ -20,8 +20,9 @@ from cable_ros.rod.elements import Mesh
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.without_contact import SAME
 
-FIRST, LARGEST = 0.3, 100.0
-"""Drag at first, and the largest, over the elastic stiffness."""
+FIRST, LARGEST = 0.3, 1e5
+"""Drag at first, and the largest, over the elastic stiffness. Where one leg in a corner sticks no more, and
+slips the wrong way in any step against less than 400, the cable was lost."""
 FADES, GROWS, EASES = 0.3, 3.0, 0.7
 """Factors of the drag after a step that arrived and after one that failed, and, after every step, of the drag
 below which it does not go since a step failed."""
