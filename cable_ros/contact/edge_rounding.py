@@ -41,9 +41,14 @@ def rounded(obstacles: np.ndarray, fraction: float = 1.0) -> np.ndarray:
 def remove_rounding(
     rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, obstacles: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """From the equilibrium (q, F) among `rounded` obstacles to that among `obstacles`: q, F, iterations."""
+    """From the equilibrium (q, F) among `rounded` obstacles to that among `obstacles`: q, F, iterations.
+
+    None if that fails, or takes more work than the rod has left.
+    """
     at, ratio, total = 1.0, 0.0, 0  # `ratio`: of the next rounding to the present one
     for _ in range(MOST_STEPS):
+        if rod.work <= 0.0:
+            break
         target = ratio * at if ratio * at > FINEST else 0.0
         code, iterations, q_new, F_new = rod.step_in_contact(
             q, F, rod.qe, rod.re, rod.f, tolerance, 0.6, rounded(obstacles, target)

@@ -142,7 +142,7 @@ def descend_instead(
         return failed  # a descent knows nothing of the history of this friction
     if rod.patience <= 0 or rod.work <= 0.0:
         return failed
-    if failed[0] != warm_step.NOT_CONTRACTING and rod.model == FRICTIONLESS and not rod.short:
+    if rod.model == FRICTIONLESS and not rod.short:
         return failed  # a shorter step costs less than a descent, which may leave a branch that goes on
     rod.patience -= 1
     before, kept, direction = (rod.qe, rod.re, rod.f, rod.obstacles), rod.state(), rod.direction
