@@ -243,6 +243,7 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
     for _ in range(8):
         unresolved = found.rod.unresolved(found.q)
         unresolved[[0, -1]] |= found.rod.clamp_errors(found.q, found.F) > ACCEPT * tolerance
+        unresolved &= found.rod.mesh.lengths > SLIVER
         if unresolved.any() and estimate <= tolerance:
             mesh = found.rod.mesh.split(unresolved)
         elif estimate > accept * tolerance:
