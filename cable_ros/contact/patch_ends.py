@@ -14,6 +14,7 @@ from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.patches import SAMPLES, WEIGHTS, cover, grounded, rests, sample_place
 from cable_ros.contact.points import (
+    APART,
     ARC_LENGTH,
     AT_EDGE,
     BEFORE,
@@ -33,6 +34,7 @@ from cable_ros.contact.points import (
     concentrated,
     reaction_at,
     remove,
+    slide_along,
 )
 from cable_ros.linalg.copies import copy
 
@@ -95,6 +97,8 @@ def move_ends(points, count, y, spacing):
         shift = y[int(points[i, SLOPE_ROW])] / max(abs(points[i, FORCE]), FAINT)
         if points[i, FORCE] < 0.0 and points[i, KIND] != POINT:
             shift = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
+            if points[i, SWINGS] > 0.0 and point_beyond(points, count, i, APART * spacing) >= 0:
+                shift = 0.0  # it has come back: see `settle`
         last, points[i, SHIFT] = points[i, SHIFT], shift
         beside = points[i, AT_EDGE]
         if beside < 0.0:
@@ -137,6 +141,22 @@ def stand_off(end, couple, back, forth):
     rest = away * away + 8.0 * (couple if first else -couple) / end[AT_EDGE]
     inward = np.sqrt(max(rest, 0.0)) - away
     return inward if first else -inward
+
+
+@njit(**INNER)
+def point_beyond(points, count, i, reach):
+    """The contact point next to end i of a patch, outside and within `reach`, L, on its obstacle; or -1.
+
+    `points`, `count`: as in `move_ends`.
+    """
+    best, out = -1, (1.0 if points[i, KIND] == LAST else -1.0)
+    for k in range(count):
+        d = out * (points[k, ARC_LENGTH] - points[i, ARC_LENGTH])
+        mine = points[k, OBSTACLE] == points[i, OBSTACLE] and points[k, KIND] != SAMPLE
+        if k != i and mine and 0.0 <= d < reach:
+            best, reach = k, d
+    presses = best >= 0 and points[best, KIND] == POINT and points[best, FORCE] > 0.0
+    return best if presses and points[i, AT_EDGE] == 0.0 else -1
 
 
 @njit(**INNER)
@@ -279,6 +299,13 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
         ob = obstacles[int(points[i, OBSTACLE])]
         edge = 0.0 if kind == FIRST else 1.0
         if abs(s - edge) < 0.5 * spacing and grounded(c, h, s0, ob, edge):
+            count = remove(points, count, i)
+            changed = True
+            continue
+        k = point_beyond(points, count, i, APART * spacing) if points[i, FORCE] < 0.0 else -1
+        if k >= 0:
+            # what spans the gap between the two would press: the patch reaches the point
+            points[k, KIND] = kind
             count = remove(points, count, i)
             changed = True
             continue
@@ -444,7 +471,9 @@ def lift(points, count, o, s, low, high):
             if r >= 0:
                 points[r, KIND] = kind
             else:
-                count = add(points, count, o, presses, kind)
+                before, count = count, add(points, count, o, presses, kind)
+                if count > before:
+                    slide_along(points[before], points, before)
         else:
             e = end_beside(points, count, o, s, end)
             if e >= 0:

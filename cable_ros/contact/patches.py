@@ -24,8 +24,10 @@ from cable_ros.contact.points import (
     OBSTACLE,
     POINT,
     SAMPLE,
+    SLIPS,
     add,
     remove,
+    slide_along,
 )
 from cable_ros.rod.centreline import derivative, position
 
@@ -155,6 +157,7 @@ def resample(points, count, h, s0):
             if covered[o, g]:
                 count = sample(points, count, o, g, h, s0)
                 inherit(points, count - 1, old, before)
+                points[count - 1, SLIPS] = 0.0  # its friction tells, see `FrictionalRod._slip_on`
     return count
 
 
@@ -174,7 +177,8 @@ def sample(points, count, o, g, h, s0):
 
 @njit(**INNER)
 def inherit(points, i, others, count):
-    """Give sample i of `points` the pressure and friction of the nearest sample on its obstacle.
+    """Give sample i of `points` the pressure and friction of the nearest sample on its obstacle, and
+    whether it slips, without one of the nearest contact.
 
     Args:
         points: (CAPACITY, COLUMNS) the contact points.
@@ -186,7 +190,9 @@ def inherit(points, i, others, count):
         d = abs(others[k, ARC_LENGTH] - points[i, ARC_LENGTH])
         if others[k, OBSTACLE] == points[i, OBSTACLE] and others[k, LENGTH] > 0.0 and d < distance:
             best, distance = k, d
+    slide_along(points[i], others, count)
     if best >= 0:
+        points[i, SLIPS] = 0.0
         for a in range(FORCE, BEFORE + 3):
             points[i, a] = others[best, a] * points[i, LENGTH] / others[best, LENGTH]
 
@@ -203,6 +209,7 @@ def make_patch(points, count, o, low, high):
         low, high: arc lengths of its ends, L.
     """
     total = np.zeros(BEFORE + 3 - FORCE)
+    others, before = points[:count].copy(), count
     i = 0
     while i < count:
         s = points[i, ARC_LENGTH]
@@ -217,6 +224,7 @@ def make_patch(points, count, o, low, high):
             count = add(points, count, o, s, kind)
             for a in range(total.shape[0]):
                 points[count - 1, FORCE + a] = 0.5 * total[a]
+            slide_along(points[count - 1], others, before)
     return count
 
 

@@ -8,6 +8,8 @@ cable, start clamp's frame.
 
 from __future__ import annotations
 
+import numpy as np
+
 from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -98,6 +100,26 @@ def reaction_at(points, count, o, s):
         if concentrated(points[i]) and points[i, OBSTACLE] == o and points[i, ARC_LENGTH] == s:
             return i
     return -1
+
+
+@njit(**INNER)
+def slide_along(point, others, count):
+    """Let a new end or sample of a patch slip if the nearest contact on its obstacle does.
+
+    How a cable slides over a surface is continuous along it. One that began to stick would pull all of a
+    cable that slides back by its motion in the step.
+
+    Args:
+        point: (COLUMNS,) its row.
+        others, count: (CAPACITY, COLUMNS) the contact points and their number, without it.
+    """
+    best, distance = -1, np.inf
+    for k in range(count):
+        d = abs(others[k, ARC_LENGTH] - point[ARC_LENGTH])
+        if others[k, OBSTACLE] == point[OBSTACLE] and d < distance:
+            best, distance = k, d
+    if best >= 0:
+        point[SLIPS] = others[best, SLIPS]
 
 
 @njit(**INNER)
