@@ -244,25 +244,28 @@ class TrackedEquilibrium(CableModel):
             fine, estimate = refine(before, self.tolerance)
             if fine.rod.forgot and not rod.forgot:
                 # a pose that is not published costs less than the history of friction
-                moved = self._onto_grid(rod, before.q, before.F)
-                if not moved:
-                    rod.refactor(before.q, before.F)
-                told = max(self._estimate, beside)
-                return fine.iterations, "" if moved else INACCURATE.format(told, self.tolerance)
+                told = max(self._estimate, beside, rod.friction_error(before.q, before.F))
+                moved = self._onto_better_grid(rod, before.q, before.F)
+                if moved:
+                    return fine.iterations, ""
+                rod.refactor(before.q, before.F)
+                self._estimate = told
+                amiss = INACCURATE.format(told, self.tolerance) if told > self.tolerance else ""
+                return fine.iterations, SINKS if sinks else amiss
             iterations, snapped = fine.iterations, left_on_refining(before, fine)
             fine = fine if snapped is None else snapped[0]
             self._take(fine, self._joints)
             rod, self._estimate = fine.rod, estimate
             sinks = rod.unresolved(self._q, LENIENT).any()
-            amiss = rod.forgot or sinks or self._estimate > self.tolerance or snapped is not None
-            if amiss and self._onto_grid(before.rod, before.q, before.F):
+            worse = rod.forgot or sinks or self._estimate > self.tolerance or snapped is not None
+            if worse and self._onto_better_grid(before.rod, before.q, before.F):
                 return iterations, ""
             if snapped is not None:
                 self._record_snaps([snapped[1]])
             beside = rod.clamp_errors(self._q, self._F).max()
         self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
         if self._estimate > self.tolerance:
-            moved = self._onto_grid(rod, self._q, self._F)
+            moved = self._onto_better_grid(rod, self._q, self._F)
             return iterations, "" if moved else INACCURATE.format(self._estimate, self.tolerance)
         return iterations, SINKS if sinks else ""
 
@@ -322,6 +325,17 @@ class TrackedEquilibrium(CableModel):
             self._rod, self._q, self._F = on_grid, on_grid.shape, on_grid.end_force
             self._off_grid.skip_next()
         return on_grid is not None
+
+    def _onto_better_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
+        """The same if its error can be published: else a mesh with a small error is nearer the branch."""
+        kept = self._rod, self._q, self._F, self._grid_history
+        if not self._onto_grid(rod, q, F):
+            return False
+        assert self._rod is not None
+        if self._rod.relative_error(self._q, self._F) <= self._limit:
+            return True
+        self._rod, self._q, self._F, self._grid_history = kept
+        return False
 
     def _on_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> NodalRod | None:
         """`handover.nodal`, which takes over the error of the path so far with friction's history."""
