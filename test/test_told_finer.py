@@ -45,6 +45,7 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((145, 50, "tray"), 2),
         ((145, 14, "wall"), 170),
         ((145, 88, "beams"), 5),
+        ((158, 133), 33),
         # slip turns back as the force falls: it went on the way its friction pushed
         ((145, 37, "slot"), 11),
         ((146, 45, "beams"), 34),
@@ -62,6 +63,8 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((155, 9, "rollers"), 9),
         # the end of a patch that does not press went to and fro, and a grid took over
         ((156, 7, "table"), 4),
+        # a point becomes a short patch that slides, whose ends stuck
+        ((158, 297), 54),
         # a grid takes over where friction along a patch turns back
         ((156, 0, "table"), 5),
     ],

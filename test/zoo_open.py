@@ -64,7 +64,7 @@ DRAWN = {
     (138, 18): "a hose led about: 17 of 41 poses on a grid whose error is too large",
     (115, 58): "a leg that sticks in a rough corner: at two poses it is neutral to the judge, who says 4e-4",
     (140, 33): "heavy, over rough beams, pulled until taut: 96 % of the way to a pose",
-    (144, 27): "a weightless cable on a rough ball, told in 4 times as many poses: 1.0 %",
+    (144, 27): "a weightless cable on a rough ball: off by 1.4e-4 at one pose, asked for 1e-4",
     (144, 29): "weightless, over rough beams, pulled until taut: a pose is reported",
     (153, 140): "over smooth beams: the branch is lost at a fold",
     (153, 173): "between rough rollers: a grid's error is too large at one pose",
