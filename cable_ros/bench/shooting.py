@@ -41,7 +41,6 @@ class Held:
     """A touch that holds, at a node: what `newton_step` needs to know of it."""
 
     node: int
-    force: float
     distance: float
     normal: np.ndarray
     bend: np.ndarray
@@ -187,10 +186,13 @@ def newton_step(
     maps: np.ndarray,
     gaps: np.ndarray,
     scale: np.ndarray,
+    turned: np.ndarray,
     touches: Sequence[Held] = (),
     neutral: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Changes that close the gaps, both end poses held: of nodes (n + 1, 12), touches' forces, their places.
+
+    `turned` (n, 3, 3): change of the force on each node but the first with its position, as normals turn.
 
     delta_{i+1} - Phi_i delta_i = gap_i is a banded system: 17 diagonals on either side. Where it is all but
     singular, its null vector is what it answers to anything, and is taken out. A touch adds its force to the
@@ -202,9 +204,9 @@ def newton_step(
     m = len(touches) + len(sliding)
     scaled = maps * (scale / scale[:, None])
     corner = np.tile(np.eye(12), (n, 1, 1))
+    corner[:, 6:9, 0:3] += turned * scale[0] / scale[6]
     columns, lines, misses = np.zeros((m, n, 12)), np.zeros((m, n + 1, 12)), np.zeros(m)
     for k, touch in enumerate(touches):
-        corner[touch.node - 1, 6:9, 0:3] += touch.force * touch.bend * scale[0] / scale[6]
         columns[k, touch.node - 1, 6:9] = touch.normal / scale[6]
         lines[k, touch.node, 0:3] = touch.normal * scale[0]
         misses[k] = touch.distance

@@ -224,7 +224,6 @@ def refine(
         held = [
             Held(
                 int(at[k]),
-                float(normal_forces[k]),
                 float(distances[k]),
                 normals[k],
                 bends[k],
@@ -233,7 +232,9 @@ def refine(
             )
             for k in holding
         ]
-        step, found, slid = shooting.newton_step(maps, gap, scale, held, neutral)
+        turned = np.zeros((len(r), 3, 3))
+        np.add.at(turned, at, normal_forces[:, None, None] * bends)
+        step, found, slid = shooting.newton_step(maps, gap, scale, turned[1:], held, neutral)
         pushes = np.zeros(len(touches))
         pushes[holding] = found
         if not np.all(np.isfinite(step)):
