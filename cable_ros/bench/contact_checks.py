@@ -29,6 +29,12 @@ LAYER = 0.1
 """And no farther apart than this part of the bends that a taut cable has where it is pushed."""
 BESIDE = 0.6
 """Points of a Gauss rule side by side are nearer to each other than this part of their lengths together."""
+FIRST = 0.4
+"""Distance of such a rule's first point from its beginning, parts of the point's length."""
+RULES = range(3, 9)
+"""Numbers of points of a Gauss rule."""
+SYMMETRIC = 1e-6
+"""Accuracy of a Gauss rule's places and lengths, parts of its own length."""
 CLAMP = 0.015
 """What presses nearer to a clamp than this does not hold the rod there."""
 NOTHING = 1e-6
@@ -106,34 +112,79 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
 def spread(contacts: Sequence[Contact], cell: float) -> list[tuple[float, float]]:
     """Place, m, and normal force, N, of many forces that make up the pressure on one obstacle.
 
-    Between the contacts that have a length it is interpolated; the sum stays theirs. The forces are at most
-    `cell`, m, apart.
+    Between the contacts that have a length it is interpolated, in each Gauss rule by itself, whose sum stays
+    its own: beside a fine mesh, which hardly knows its pressure, a coarse one keeps what it has, and nothing
+    is made up for next to a clamp, whose own force it would change. The forces are at most `cell`, m, apart.
     """
-    out = []
+    out: list[tuple[float, float]] = []
     points = [c.arc_length for c in contacts if c.length == 0.0]
-    pressing = [c for c in contacts if c.length > 0.0]
-    runs: list[list[Contact]] = []
-    for c in pressing:
-        known = runs and c.arc_length - runs[-1][-1].arc_length < BESIDE * (c.length + runs[-1][-1].length)
-        parted = known and any(runs[-1][-1].arc_length < p < c.arc_length for p in points)
-        if known and not parted:
-            runs[-1].append(c)
+    pressing = [(c.arc_length, c.length, c.normal_force) for c in contacts if c.length > 0.0]
+    places, lengths, forces = np.array(pressing).reshape(-1, 3).T
+    groups = _groups(places, lengths, points)
+    begins = [low for _, low in groups[1:]]
+    reached = 0.0
+    for (which, low), following in zip(groups, [*begins, None], strict=False):
+        s, length, pressure = places[which], lengths[which], forces[which] / lengths[which]
+        total = float(length.sum())
+        if low is None:
+            near = [p for p in [reached, *points] if 0.0 <= s[0] - p < length[0]]
+            after = [p for p in [*points, following] if p is not None and 0.0 <= p - s[-1] < length[-1]]
+            # where the cable has lifted off beside one end, the pressure reaches to the other
+            alone = s[0] - FIRST * length[0]
+            low = max(near, default=min(after) - total if after else alone)
         else:
-            runs.append([c])
-    for run in runs:
-        lengths = np.array([c.length for c in run])
-        near = [p for p in [0.0, *points] if 0.0 <= run[0].arc_length - p < run[0].length]
-        after = [p for p in points if 0.0 <= p - run[-1].arc_length < run[-1].length]
-        # where the cable has lifted off beside one end, the pressure reaches to the other
-        alone = run[0].arc_length - 0.4 * run[0].length
-        low = max(near, default=min(after) - lengths.sum() if after else alone)
-        cells = max(len(run), math.ceil(lengths.sum() / cell))
-        at = low + lengths.sum() * (np.arange(cells) + 0.5) / cells
-        reported = np.array([c.normal_force for c in run])
-        forces = np.interp(at, [c.arc_length for c in run], reported / lengths) * lengths.sum() / cells
-        forces += (reported.sum() - forces.sum()) / cells
-        out += list(zip(at.tolist(), forces.tolist(), strict=True))
+            slopes = np.diff(pressure)[[0, -1]] / np.diff(s)[[0, -1]]
+            ends = np.array([low, low + total])
+            at_ends = pressure[[0, -1]] + slopes * (ends - s[[0, -1]])
+            s, pressure = np.insert(ends, 1, s), np.insert(at_ends, 1, pressure)
+        cells = max(len(length), math.ceil(total / cell))
+        at = low + total * (np.arange(cells) + 0.5) / cells
+        mine = np.interp(at, s, pressure) * total / cells
+        mine += (forces[which].sum() - mine.sum()) / cells
+        out += list(zip(at.tolist(), mine.tolist(), strict=True))
+        reached = low + total
     return out
+
+
+def _groups(
+    places: np.ndarray, lengths: np.ndarray, points: Sequence[float]
+) -> list[tuple[slice, float | None]]:
+    """Samples whose pressure is interpolated together: Gauss rules, with their beginnings, and what is left.
+
+    Of the latter those side by side; nothing is interpolated across `points` of contact.
+    """
+    out: list[tuple[slice, float | None]] = []
+    i = 0
+    while i < len(places):
+        rules = [slice(i, i + k) for k in RULES if i + k <= len(places)]
+        begun = ((rule, _beginning(places[rule], lengths[rule])) for rule in rules)
+        whole = next((one for one in begun if one[1] is not None), None)
+        if whole is not None:
+            out.append(whole)
+            i = whole[0].stop
+            continue
+        beside = i > 0 and places[i] - places[i - 1] < BESIDE * (lengths[i - 1] + lengths[i])
+        parted = beside and any(places[i - 1] < p < places[i] for p in points)
+        if out and out[-1][1] is None and beside and not parted:
+            out[-1] = slice(out[-1][0].start, i + 1), None
+        else:
+            out.append((slice(i, i + 1), None))
+        i += 1
+    return out
+
+
+def _beginning(places: np.ndarray, lengths: np.ndarray) -> float | None:
+    """Where a Gauss rule of these points begins; None if they are none.
+
+    Its points are symmetric, the first and the last stand for the least, and each is inside what it stands for.
+    """
+    total = float(lengths.sum())
+    middle = float(lengths @ places) / total
+    off = np.abs([places + places[::-1] - 2.0 * middle, lengths - lengths[::-1]]).max()
+    ends = middle - 0.5 * total + np.cumsum(lengths)
+    inside = np.all((ends - lengths < places) & (places < ends))
+    rule = off < SYMMETRIC * total and inside and np.all(lengths[[0, -1]] < lengths[[1, -2]])
+    return middle - 0.5 * total if rule else None
 
 
 def contact_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> str | None:
