@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from cable_ros.bench.shooting import Touch
 from cable_ros.bench.surfaces import Distance, curvature, distance, gradient
-from cable_ros.bench.verification import Rod, Verification
+from cable_ros.bench.verification import Rod, Verification, bend_layer
 from cable_ros.equilibrium import Contact, Equilibrium
 from cable_ros.scene import Scene
 from cable_ros.scene.kinematics import Kinematics
@@ -77,9 +77,7 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
     """The claimed contacts as verification takes them; pressure as many forces side by side."""
     length = rod.length
     unit = float(np.mean(rod.stiffness[:2])) / length**2
-    largest = max(float(np.linalg.norm(wrench[:3])) for wrench in (claim.start_wrench, claim.end_wrench))
-    bend = math.sqrt(float(rod.stiffness[:2].min()) / max(largest, 1e-300))
-    cell = min(CELL * length, LAYER * bend)
+    cell = min(CELL * length, LAYER * bend_layer(rod, claim))
 
     def surface(signed: Distance):  # type: ignore[no-untyped-def]
         def at(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ their pose part is regular at every arc length beyond 0 (no conjugate point).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -90,6 +91,12 @@ NEUTRAL_MARGIN = 1e-2
 """A claim with a smaller stability margin may be one of a family of equilibria, each beside the next."""
 
 
+def bend_layer(rod: Rod, claim: Equilibrium) -> float:
+    """Length within which the taut rod bends where it is pushed, sqrt(EI / F), m."""
+    largest = max(float(np.linalg.norm(wrench[:3])) for wrench in (claim.start_wrench, claim.end_wrench))
+    return math.sqrt(float(rod.stiffness[:2].min()) / max(largest, 1e-300))
+
+
 def verify(
     rod: Rod, claim: Equilibrium, touches: Sequence[Touch] = (), *, iterations: int = 25
 ) -> Verification:
@@ -101,13 +108,14 @@ def verify(
     claimed = (claim.points, claim.orientations, claim.start_wrench, claim.end_wrench)
     if not all(np.all(np.isfinite(a)) for a in claimed):
         return _failed(0)
-    reported, touches = touches, apart(touches)
+    distance = float(np.clip(bend_layer(rod, claim) / rod.length, ENDS, ALONE))
+    reported, touches = touches, apart(touches, distance)
     tries = [refine(rod, *claimed, touches, iterations=iterations)]
     if any(touch.slides for touch in touches) and not tries[0].converged:
         sticking = [replace(touch, slides=False) for touch in touches]
         tries.append(refine(rod, *claimed, sticking, iterations=iterations))
     if not any(one.converged for one in tries):
-        tries.append(refine(rod, *claimed, apart(reported, 0.5 * ALONE), iterations=iterations))
+        tries.append(refine(rod, *claimed, apart(reported, 0.5 * distance), iterations=iterations))
     if not touches and claim.stability_margin < NEUTRAL_MARGIN:
         tries.append(refine(rod, *claimed, iterations=iterations, neutral=True))
     return min(tries, key=lambda one: one.wrench_error)
@@ -126,7 +134,8 @@ def apart(touches: Sequence[Touch], distance: float = ALONE) -> list[Touch]:
     alone, but for the pressure beside a lift-off, slide to where the gap is smallest: a soft rod, and one
     that is all but taut, answers to a place that is a little off by a shape that is much more so.
 
-    `distance`: in the place of ALONE.
+    `distance`: in the place of ALONE; of a taut rod the length within which it bends, beyond which it tells
+    forces apart.
     """
     held: dict[object, list[float]] = {}
     out: list[Touch] = []
