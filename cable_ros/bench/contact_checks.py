@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from cable_ros.bench.shooting import Touch
 from cable_ros.bench.surfaces import Distance, curvature, distance, gradient
-from cable_ros.bench.verification import Rod, Verification, bend_layer
+from cable_ros.bench.verification import Rod, Verification, bend_layer, verify
 from cable_ros.equilibrium import Contact, Equilibrium
 from cable_ros.scene import Scene
 from cable_ros.scene.kinematics import Kinematics
@@ -37,6 +37,8 @@ SYMMETRIC = 1e-6
 """Accuracy of a Gauss rule's places and lengths, parts of its own length."""
 CLAMP = 0.015
 """What presses nearer to a clamp than this does not hold the rod there."""
+ROUNDS = 8
+"""In which surfaces that pull let go."""
 NOTHING = 1e-6
 """A force that is smaller, EI / L^2, counts as none."""
 ROUNDING = 1e-6
@@ -174,7 +176,7 @@ def _groups(
 def _beginning(places: np.ndarray, lengths: np.ndarray) -> float | None:
     """Where a Gauss rule of these points begins; None if they are none.
 
-    Its points are symmetric, the first and the last stand for the least, and each is inside what it stands for.
+    Its points are symmetric, each inside what it stands for, and the first and the last stand for the least.
     """
     total = float(lengths.sum())
     middle = float(lengths @ places) / total
@@ -219,19 +221,44 @@ def contact_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> s
     return None
 
 
-def pull_fault(rod: Rod, found: Verification, touches: list[Touch]) -> str | None:
-    """Whether a surface would have to pull to keep the true rod on it.
+def pull_fault(rod: Rod, found: Verification, touches: Sequence[Touch]) -> str | None:
+    """Whether a surface would have to pull to keep the true rod on it."""
+    together, pulls = _pulls(rod, found, touches)
+    return f"balance needs a surface to pull with {-together.min():.2e} N" if pulls.any() else None
+
+
+def let_go(
+    rod: Rod, met: Mapping[str, Surface], claim: Equilibrium, found: Verification, touches: Sequence[Touch]
+) -> Verification | None:
+    """The true equilibrium that the rod finds if what pulls lets go; None if there is none outside obstacles.
+
+    Along a patch that is about to part the rod lifts off by next to nothing: said to touch there, it is still
+    all but the same, which is what remains to be seen.
+    """
+    for _ in range(ROUNDS):
+        _, pulls = _pulls(rod, found, touches)
+        if found.shape is None or not pulls.any():
+            break
+        touches = [touch for touch, pull in zip(touches, pulls, strict=True) if not pull]
+        found = verify(rod, claim, touches)
+    if found.shape is None or pulls.any():
+        return None
+    points = found.shape.points[1:-1]
+    deepest = min(float(surface.signed(points).min()) for surface in met.values() if surface.solid)
+    return found if deepest > -DEPTH * rod.length else None
+
+
+def _pulls(rod: Rod, found: Verification, touches: Sequence[Touch]) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) force about each touch, N, and (n,) whether that is a pull.
 
     Side by side on a stretch, forces that take turns are all but the same to the rod: their sum is judged.
     """
     places = np.array([touch.place for touch in touches])
     if len(places) == 0 or len(found.normal_forces) != len(places):
-        return None
+        return np.zeros(len(places)), np.zeros(len(places), bool)
     together = (np.abs(places[:, None] - places[None, :]) < STRETCH) @ found.normal_forces
     nothing = NOTHING * float(np.min(rod.stiffness[:2])) / rod.length**2
-    if together.min() < -1e-3 * max(float(np.abs(together).max()), nothing):
-        return f"balance needs a surface to pull with {-together.min():.2e} N"
-    return None
+    return together, together < -1e-3 * max(float(np.abs(together).max()), nothing)
 
 
 def sliding_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium, motion: np.ndarray) -> str | None:

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,17 @@ from scipy.special import ellipk
 from zoo_make import ARM
 
 from cable_ros import Equilibrium, Tracker, load_scene
-from cable_ros.bench.contact_checks import Surface, contact_fault, pull_fault, spread, surfaces, touches
+from cable_ros.bench.cases import answered, case_scene, joint_values, judge, rods
+from cable_ros.bench.contact_checks import (
+    Surface,
+    contact_fault,
+    let_go,
+    pull_fault,
+    spread,
+    surfaces,
+    touches,
+)
+from cable_ros.bench.drawn import drawn_case
 from cable_ros.bench.shooting import Touch
 from cable_ros.bench.surfaces import distance, gradient
 from cable_ros.bench.verification import Rod, apart, refine, verify
@@ -117,6 +129,17 @@ def test_a_surface_that_would_have_to_pull_is_told() -> None:
     fault = pull_fault(rod, found, down)
     assert fault is not None
     assert "pull" in fault
+    # let go, it comes off, and is another one
+    claim: Any = SimpleNamespace(
+        points=points,
+        orientations=orientations,
+        start_wrench=found.start_wrench,
+        end_wrench=found.end_wrench,
+        stability_margin=1.0,
+    )
+    freed = let_go(rod, {"plane": Surface(lambda r: below(r)[0], 0.0)}, claim, found, down)
+    assert freed is not None
+    assert freed.wrench_error > 1e-2
 
 
 def test_only_points_on_one_surface_cannot_be_told_apart() -> None:
@@ -159,6 +182,68 @@ def test_pressure_stays_between_the_ends_of_its_stretch(missing: int | None) -> 
     covered = sum(length for _, length, _ in samples)
     middle = high - 0.5 * covered if missing == 0 else low + 0.5 * covered
     assert places @ forces / forces.sum() == pytest.approx(middle, abs=1e-9)
+
+
+def test_a_coarse_mesh_keeps_its_pressure_beside_a_fine_one() -> None:
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    up = np.array([0.0, 0.0, 1.0])
+
+    def told(low: float, high: float, forces: list[float]) -> list[Contact]:
+        places = low + (high - low) * 0.5 * (1.0 + nodes)
+        lengths = (high - low) * 0.5 * weights
+        return [
+            Contact("table", s, np.zeros(3), up, f * up, length, False)
+            for s, f, length in zip(places, forces, lengths, strict=True)
+        ]
+
+    end = 0.3
+    coarse = told(0.0, end, [*(2.0 * end * 0.5 * weights)])
+    for fine in (told(end, 0.301, [0.5, 0.0, 0.2, 0.1]), told(end, 0.301, [0.5, 0.0, 0.2, 0.1])[2:]):
+        places, forces = np.array(spread([*coarse, *fine], 2e-3)).T
+        mine = places < end
+        assert forces[mine] == pytest.approx(2.0 * end / mine.sum(), rel=1e-9)
+        assert forces[~mine].sum() == pytest.approx(sum(float(c.force[2]) for c in fine))
+
+
+HARD = {
+    "a curved patch without friction": (158, 272, "drum", 0),
+    "a fine mesh beside the clamp": (158, 329, "edge", 4),
+    "taut, at 3700 EI / L^2": (126, 32, None, 18),
+    "a patch about to part": (158, 461, "wall", 4),
+}
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_hard_answers_are_verified_and_wrong_ones_beside_them_are_not(name: str) -> None:
+    seed, index, kind, pose = HARD[name]
+    case = drawn_case(seed, index, 1e-4, kind)
+    scene, joints = case_scene(case), case.path[pose]
+    (cable,) = scene.cables
+    kinematics = Kinematics(scene)
+    rod = rods(scene, kinematics, joints)[cable.name]
+    met = surfaces(scene, kinematics, joint_values(kinematics, joints), cable.radius)
+
+    def answer(density: float = 1.0) -> Equilibrium:
+        """Of the cable with another linear density."""
+        assert not isinstance(case.scene, str)
+        (told,) = case.scene["cables"]
+        other = {**told, "linear_density": density * told["linear_density"]}
+        tracker = Tracker(
+            case_scene(replace(case, scene={**case.scene, "cables": [other]})), polyline_points=401
+        )
+        answers = [answered(tracker, there)[0][cable.name] for there in case.path[: pose + 1]]
+        return answers[-1]
+
+    claim = answer()
+    assert judge(rod, claim, 1e-4, met)[1] is None
+    wrong = replace(claim, end_wrench=claim.end_wrench * (1.0 + 2e-4))
+    assert "end wrench off" in (judge(rod, wrong, 1e-4, met)[1] or "")
+    wrong = replace(claim, start_wrench=claim.start_wrench * (1.0 + 2e-3))
+    assert "start wrench off" in (judge(rod, wrong, 1e-4, met)[1] or "")
+    fewer = tuple(contact for contact in claim.contacts if contact.length > 0.0)
+    wrong = replace(claim, _touching=lambda: SimpleNamespace(contacts=lambda: fewer))
+    assert judge(rod, wrong, 1e-4, met)[1] is not None
+    assert judge(rod, answer(1.1), 1e-4, met)[1] is not None
 
 
 @pytest.mark.parametrize("off", [1e-3, -1e-4])
