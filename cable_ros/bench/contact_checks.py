@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cable_ros.bench.shooting import Touch
-from cable_ros.bench.surfaces import Distance, curvature, distance, gradient
+from cable_ros.bench.surfaces import Derivatives, Distance, curvature, derivatives, distance, gradient
 from cable_ros.bench.verification import Rod, Verification, bend_layer, verify
 from cable_ros.equilibrium import Contact, Equilibrium
 from cable_ros.scene import Scene
@@ -57,6 +57,8 @@ class Surface:
     friction: float
     solid: bool = True
     """Whether nothing of the cable may be inside; not of its own other strand."""
+    derivatives: Derivatives | None = None
+    """Of the distance; without them differences."""
 
 
 def surfaces(scene: Scene, kinematics: Kinematics, joints: np.ndarray, radius: float) -> dict[str, Surface]:
@@ -65,7 +67,11 @@ def surfaces(scene: Scene, kinematics: Kinematics, joints: np.ndarray, radius: f
         return {}
     links = kinematics.obstacle_poses(joints)
     return {
-        obstacle.name: Surface(distance(obstacle, links[i], radius), obstacle.friction)
+        obstacle.name: Surface(
+            distance(obstacle, links[i], radius),
+            obstacle.friction,
+            derivatives=derivatives(obstacle, links[i], radius),
+        )
         for i, obstacle in enumerate(scene.obstacles)
     }
 
@@ -81,21 +87,22 @@ def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[To
     unit = float(np.mean(rod.stiffness[:2])) / length**2
     cell = min(CELL * length, LAYER * bend_layer(rod, claim))
 
-    def surface(signed: Distance):  # type: ignore[no-untyped-def]
+    def surface(one: Surface):  # type: ignore[no-untyped-def]
         def at(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             points = rod.start[:3] + r * length
-            return (
-                signed(points) / length,
-                gradient(signed, points, 1e-6 * length),
-                curvature(signed, points, 1e-6 * length) * length,
-            )
+            if one.derivatives is not None:
+                normals, bends = one.derivatives(points)
+            else:
+                step = 1e-6 * length
+                normals, bends = gradient(one.signed, points, step), curvature(one.signed, points, step)
+            return one.signed(points) / length, normals, bends * length
 
         return at
 
     out = []
     for name in dict.fromkeys(contact.obstacle for contact in claim.contacts):
         mine = sorted((c for c in claim.contacts if c.obstacle == name), key=lambda c: c.arc_length)
-        at = surface(met[name].signed)
+        at = surface(met[name])
         points = [(c.arc_length, c.normal_force, c.friction) for c in mine if c.length == 0.0]
         for place, normal_force, friction in points:
             out.append(Touch(place / length, at, normal_force / unit, friction / unit))

@@ -29,7 +29,7 @@ from cable_ros.bench.contact_checks import (
 )
 from cable_ros.bench.drawn import drawn_case
 from cable_ros.bench.shooting import Touch
-from cable_ros.bench.surfaces import distance, gradient
+from cable_ros.bench.surfaces import curvature, derivatives, distance, gradient
 from cable_ros.bench.verification import Rod, apart, refine, verify
 from cable_ros.equilibrium import Contact
 from cable_ros.scene import Kinematics
@@ -59,6 +59,20 @@ def test_distance_is_that_to_the_nearest_place_of_the_surface(name: str) -> None
         # and nothing nearer is on the surface
         near = point + 0.99 * abs(d) * _directions(rng, 200)
         assert np.all(np.sign(signed(near)) == np.sign(d))
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_exact_derivatives_are_those_of_the_distance(name: str) -> None:
+    link = np.concatenate([[0.2, -0.1, 0.4], TURN])
+    obstacle = Obstacle(name, SHAPES[name])
+    signed, exact = distance(obstacle, link, 0.01), derivatives(obstacle, link, 0.01)
+    assert exact is not None
+    points = np.random.default_rng(0).uniform(-1.5, 1.5, (40, 3))
+    normals, bends = exact(points)
+    assert normals == pytest.approx(gradient(signed, points, 1e-5), abs=1e-8)
+    assert bends == pytest.approx(curvature(signed, points, 1e-4), abs=1e-5)
+    # a line without thickness is pushed in no direction of its own by a sharp edge
+    assert (derivatives(obstacle, link, 0.0) is None) == (name in ("box", "cylinder"))
 
 
 def test_the_cables_own_radius_counts_where_the_obstacle_says_so() -> None:
@@ -210,6 +224,7 @@ HARD = {
     "a fine mesh beside the clamp": (158, 329, "edge", 4),
     "taut, at 3700 EI / L^2": (126, 32, None, 18),
     "a patch about to part": (158, 461, "wall", 4),
+    "a loop at rest on an edge": (110, 22, None, 12),
 }
 
 
