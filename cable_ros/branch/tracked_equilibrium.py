@@ -327,7 +327,7 @@ class TrackedEquilibrium(CableModel):
         return on_grid is not None
 
     def _onto_better_grid(self, rod: Rod, q: np.ndarray, F: np.ndarray) -> bool:
-        """The same if its error can be published: else a mesh with a small error is nearer the branch."""
+        """`_onto_grid`, unless the grid's error is too large to be published: a mesh's is smaller."""
         kept = self._rod, self._q, self._F, self._grid_history
         if not self._onto_grid(rod, q, F):
             return False
