@@ -65,6 +65,16 @@ DRAWN = {
     (153, 140): "over smooth beams: the branch is lost at a fold",
     (153, 173): "between rough rollers: a grid's error is too large at one pose",
     (153, 219): "over heavy smooth beams: a grid's error is too large",
+    (158, 21): "over a rough drum, told in 4 times as many poses: slip that turns 0.2 rad a step, 1.4 %",
+    (158, 88): "a rough ball pushed up under a heavy cable: a pose is reported",
+    (158, 287): "weightless, on a smooth table: it falls to the side that the steps decide",
+    (158, 297): "a heavy cable on a rough ball turns back, told in 4 times as many poses: 1.0 %",
+    (158, 307): "a rough lift, on a grid at two poses, told in 4 times as many: 1.2 %",
+    (158, 354): "a rough tray: a patch stops as a point lands beside it, 3 % in one step",
+    (158, 371): "a heavy lift in 199 poses: 67 of them are on a grid whose error, 10 %, is too large",
+    (158, 447): "a heavy lift snaps, told in 4 times as many poses: 1.2 %",
+    (158, 451): "heavy, over rough beams: two poses on a grid whose error is too large, and 6.3 % for 5 %",
+    (158, 460): "a heavy lift led aside: eleven poses are on a grid whose error is too large",
     (11, 6): "a ball pushed down on a weightless cable until that is taut",
 }
 """By seed and index of `drawn_case`, what is amiss."""
