@@ -285,7 +285,7 @@ class ActiveSetRod(FrictionalRod):
         forked = self.count < kept[1] and self._holds_alone()
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
-            self.stride = self._friction_stride(F, q_new, F_new, obstacles, self.count > kept[1], distance)
+            self.stride = self._friction_stride(F, q_new, F_new, obstacles, kept[0], distance)
             farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
             if iterations > EASY and self._turns_back():

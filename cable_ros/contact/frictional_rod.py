@@ -22,6 +22,7 @@ from cable_ros.contact.points import (
     OBSTACLE,
     POINT,
     SLIPS,
+    WAS,
 )
 from cable_ros.contact.slip_kernels import slip_bend, slip_change, stops
 from cable_ros.contact.travel import (
@@ -165,7 +166,7 @@ class FrictionalRod(FixedSetRod):
         return quaternion.largest_rotation(before, q_new)
 
     def _friction_stride(
-        self, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray, landed: bool,
+        self, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray, before: np.ndarray,
         distance: float,
     ) -> float:  # fmt: skip
         """By how much the next step may be longer than one that ended at (q_new, F_new); see `travel.stride`.
@@ -173,19 +174,29 @@ class FrictionalRod(FixedSetRod):
         Args:
             F, q_new, F_new: the end force (3,) before, the new shape (n, 4) and end force.
             obstacles: as in `distance.gap`.
-            landed: whether something has come down, which slips the way that it did in all of the step.
+            before: (k, COLUMNS) contact points before. What comes down slips the way that it did in all of
+                the step.
             distance: its length, L.
         """
         force = float(np.linalg.norm(F_new))
         slack = force < TAUT and not self.creeps  # near taut its force changes in any step
         most = (LYING_CHANGE if slack else TAUT_CHANGE) if self.has_patch else POINTS_CHANGE
         longest = stride(self._friction_change(q_new, F_new, obstacles, most), most)
-        if landed or stops(self.points, self.count, distance) or (self.has_patch and slack):
+        stopped = stops(self.points, self.count, distance)
+        landed = self.count > len(before)
+        at_point = stopped or (landed and self._has_new_point() and bool((before[:, SLIPS] == 1.0).any()))
+        if landed or stopped or (self.has_patch and slack):
             larger = max(float(np.linalg.norm(F)), force, self.least)
             change = float(np.linalg.norm(F_new - F)) / larger
-            most = FORCE_CHANGE if self.has_patch else LANDING_CHANGE
+            # all of a patch that slips may stop as soon as a point beside it bears
+            most = LANDING_CHANGE if at_point or not self.has_patch else FORCE_CHANGE
             longest = min(longest, stride(change, most if slack else TAUT_FORCE_CHANGE))
         return longest
+
+    def _has_new_point(self) -> bool:
+        """Whether a point touches that did not at the last equilibrium."""
+        points = self.points[: self.count]
+        return bool(((points[:, KIND] == POINT) & (points[:, WAS] == 0.0)).any())
 
     def _landing_strides(
         self, landing: Landing | None, distance: float, F: np.ndarray
