@@ -26,6 +26,7 @@ from cable_ros.contact.points import (
     SAMPLE,
     SLIPS,
     add,
+    nearest,
     remove,
     slide_along,
 )
@@ -177,24 +178,22 @@ def sample(points, count, o, g, h, s0):
 
 @njit(**INNER)
 def inherit(points, i, others, count):
-    """Give sample i of `points` the pressure and friction of the nearest sample on its obstacle, and
-    whether it slips, without one of the nearest contact.
+    """Give sample i of `points` the pressure and friction of the nearest sample on its obstacle.
+
+    Without one it slips if the nearest contact does.
 
     Args:
         points: (CAPACITY, COLUMNS) the contact points.
         i: the sample.
         others, count: (CAPACITY, COLUMNS) contact points to choose from, and their number.
     """
-    best, distance = -1, np.inf
-    for k in range(count):
-        d = abs(others[k, ARC_LENGTH] - points[i, ARC_LENGTH])
-        if others[k, OBSTACLE] == points[i, OBSTACLE] and others[k, LENGTH] > 0.0 and d < distance:
-            best, distance = k, d
-    slide_along(points[i], others, count)
-    if best >= 0:
-        points[i, SLIPS] = 0.0
-        for a in range(FORCE, BEFORE + 3):
-            points[i, a] = others[best, a] * points[i, LENGTH] / others[best, LENGTH]
+    best = nearest(others, count, points[i], True)
+    if best < 0:
+        slide_along(points[i], others, count)
+        return
+    points[i, SLIPS] = 0.0
+    for a in range(FORCE, BEFORE + 3):
+        points[i, a] = others[best, a] * points[i, LENGTH] / others[best, LENGTH]
 
 
 @njit(**INNER)

@@ -103,6 +103,24 @@ def reaction_at(points, count, o, s):
 
 
 @njit(**INNER)
+def nearest(points, count, point, samples):
+    """The contact point on the obstacle of `point` that is nearest along the cable; -1: there is none.
+
+    Args:
+        points, count: (CAPACITY, COLUMNS) the contact points to choose from, and their number.
+        point: (COLUMNS,) a row that is not among them.
+        samples: whether only samples of a patch count.
+    """
+    best, distance = -1, np.inf
+    for k in range(count):
+        d = abs(points[k, ARC_LENGTH] - point[ARC_LENGTH])
+        counts = points[k, LENGTH] > 0.0 or not samples
+        if points[k, OBSTACLE] == point[OBSTACLE] and counts and d < distance:
+            best, distance = k, d
+    return best
+
+
+@njit(**INNER)
 def slide_along(point, others, count):
     """Let a new end or sample of a patch slip if the nearest contact on its obstacle does.
 
@@ -113,11 +131,7 @@ def slide_along(point, others, count):
         point: (COLUMNS,) its row.
         others, count: (CAPACITY, COLUMNS) the contact points and their number, without it.
     """
-    best, distance = -1, np.inf
-    for k in range(count):
-        d = abs(others[k, ARC_LENGTH] - point[ARC_LENGTH])
-        if others[k, OBSTACLE] == point[OBSTACLE] and d < distance:
-            best, distance = k, d
+    best = nearest(others, count, point, False)
     if best >= 0:
         point[SLIPS] = others[best, SLIPS]
 
