@@ -37,7 +37,7 @@ PATHS: dict[str, tuple[dict[str, Any], float, list[float], dict[str, Any]]] = {
     "rests, pushed": (STEEP, 8.0, [0.3, 0.1, 0.0], {}),
     "rests, drawn": (STEEP, 8.0, [-0.3, 0.1, 0.0], {}),
     "lies, lowered and lifted": (LEVEL, 30.0, [0.0, 0.0, -0.15], {}),
-    "lies, led across": (DOWN, 30.0, [0.0, 0.4, 0.0], BENT),
+    "lies, led across": (DOWN, 30.0, [0.0, 0.25, 0.0], BENT),
     "lies, drawn": (DOWN, 30.0, [-0.3, 0.0, 0.0], BENT),
 }
 """Start, weight per length, way of the start, and how the discrete rod begins."""

@@ -58,10 +58,10 @@ def scene(length: float) -> dict[str, Any]:
     return {"gravity": [0.0, 0.0, -9.80665], "cables": [hose], "obstacles": cans}
 
 
-def led(pitch: float, values: dict[str, Any], poses: int) -> list[Equilibrium]:
-    """The results of a scene along the way from corner to corner and to the last, in so many poses."""
+def led(pitch: float, values: dict[str, Any], poses: int, corners: int = 3) -> list[Equilibrium]:
+    """The results of a scene along the way from corner to corner, up to so many, in so many poses."""
     tracker = Tracker(load_scene(values, urdf=urdf(pitch)))
-    path = divided([dict(zip(JOINTS, corner, strict=True)) for corner in CORNERS], poses + 1)
+    path = divided([dict(zip(JOINTS, corner, strict=True)) for corner in CORNERS[:corners]], poses + 1)
     return [tracker.arrive(joints)["hose"] for joints in path]
 
 
@@ -78,10 +78,10 @@ def test_the_hose_rubs_on_the_links_however_closely_its_path_is_told(pitch, leng
 
 
 @pytest.mark.parametrize(
-    ("kind", "friction", "pitch", "length"),
-    [("ring", 0.3, 1.6, 1.18), ("pin", 0.6, 2.5, 1.1), ("tube", 0.3, 1.6, 1.18)],
+    ("kind", "friction", "pitch", "length", "corners"),
+    [("ring", 0.3, 1.6, 1.18, 3), ("pin", 0.6, 2.5, 1.1, 3), ("tube", 0.3, 1.6, 1.18, 2)],
 )
-def test_the_hose_slips_off_the_links_with_its_friction(kind, friction, pitch, length):
+def test_the_hose_slips_off_the_links_with_its_friction(kind, friction, pitch, length, corners):
     """Where its branch ends at an edge it falls, while material slides through what holds it; it was lost."""
     values = scene(length)
     (support,) = values["cables"][0]["supports"]
@@ -93,7 +93,7 @@ def test_the_hose_slips_off_the_links_with_its_friction(kind, friction, pitch, l
         obstacle["friction"] = friction
     told = []
     for poses in (60, 180):
-        found = led(pitch, values, poses)
+        found = led(pitch, values, poses, corners)
         assert {one.status for one in found} <= {Status.CONVERGED, Status.SNAPPED}, found[-1].message
         told.append(np.array([one.end_wrench[:3] for one in found[:: poses // 60]]))
     np.testing.assert_allclose(*told, atol=0.01 * np.abs(told[1]).max())
