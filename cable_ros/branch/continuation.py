@@ -12,7 +12,6 @@ import numpy as np
 
 from cable_ros.branch.cold_start import Conditions
 from cable_ros.branch.snap_through import (
-    FREE_TO_TURN,
     SMALL,
     SNAP_WORK,
     SnapThrough,
@@ -22,7 +21,7 @@ from cable_ros.branch.snap_through import (
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.travel import TAUT, travel
 from cable_ros.rod import warm_step
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.kirchhoff import FREE_TO_TURN, Rod
 
 SHORTEST = 1e-4
 """Minimum step, as a fraction of the longest: if it fails, the branch ends."""

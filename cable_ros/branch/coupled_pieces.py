@@ -23,9 +23,9 @@ from cable_ros.branch.loose_ends import LooseEnd, loose_ends
 from cable_ros.branch.loose_piece import LoosePiece
 from cable_ros.branch.rubbing_cable import RubbingCable
 from cable_ros.branch.shared_piece import Place, SharedPiece
-from cable_ros.branch.snap_through import FREE_TO_TURN
 from cable_ros.branch.tracked_equilibrium import FREE
 from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.rod.kirchhoff import FREE_TO_TURN
 from cable_ros.scene import Cable, Kinematics, Scene
 
 APPROACHES = 3

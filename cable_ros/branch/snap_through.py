@@ -13,10 +13,9 @@ from cable_ros.branch.cold_start import Conditions, Found, settled
 from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.contact.symmetry import LEANT
 from cable_ros.contact.travel import travel
-from cable_ros.linalg.bordered import NEUTRAL
 from cable_ros.rod import warm_step
 from cable_ros.rod.initial_shapes import aside
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.kirchhoff import FREE_TO_TURN, Rod
 from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.solve.trust_region import Options
 
@@ -31,8 +30,6 @@ folds of free cables it was 0.3 to 1.7."""
 FINE = (0.0, 1e-5, 1e-4)
 """Lengths of a step, L, below which it counts as so long, tried in turn: where rounding makes a cable lean,
 the last ones are too short, and the margin along them too rough, to extrapolate from."""
-FREE_TO_TURN = 10.0 * NEUTRAL
-"""Maximum margin of an equilibrium that belongs to a continuous family (neutral stability)."""
 PERTURBATION = 5e-12
 """Size, root of the elastic energy, of the fixed perturbation that a snap-through starts from: above
 rounding, below what changes the energy."""

@@ -21,7 +21,7 @@ from cable_ros.branch.cold_start import (
 )
 from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.extremes import Obstacles, Reading, extremes
-from cable_ros.branch.snap_through import FREE_TO_TURN, SnapThrough, left_on_refining
+from cable_ros.branch.snap_through import SnapThrough, left_on_refining
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB
@@ -32,7 +32,7 @@ from cable_ros.effects.choice import Choice
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Overlap, Status
 from cable_ros.rod import quaternion
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.kirchhoff import FREE_TO_TURN, Rod
 from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.scene import Cable
 from cable_ros.scene.cable_limits import CableLimits

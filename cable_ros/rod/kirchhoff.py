@@ -25,6 +25,8 @@ ORDER = 6
 REFACTOR, OFF = 0.05, 0.1
 """Rotation of a section, rad, after which factors, stability margin and error estimate are renewed; and the
 relative error of the margin, extrapolated from its last change, at which they are renewed earlier."""
+FREE_TO_TURN = 10.0 * bordered.NEUTRAL
+"""Maximum margin of an equilibrium that belongs to a continuous family (neutral stability)."""
 NO_LINES, NO_ELEMENTS, NO_DELTA = np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0)
 """For `error_estimate.error`: no contact."""
 
@@ -284,6 +286,8 @@ class Rod(WithoutContact):
             self.refactor_at = min(REFACTOR, margin)
         elif change > 0.0:
             self.refactor_at = min(REFACTOR, OFF * margin * self.rotation_before / change)
+        if margin < FREE_TO_TURN:  # any motion may leave it one place to turn to
+            self.refactor_at = 0.0
         self.margin = margin
         return margin
 
