@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 
 from cable_ros import load_scene
-from cable_ros.branch.cold_start import Conditions, Found, equilibria, on_mesh
+from cable_ros.branch.cold_start import Conditions, Found, equilibria
+from cable_ros.branch.refinement import on_mesh
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.units import Units, relative
 from cable_ros.scene import Kinematics

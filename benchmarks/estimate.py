@@ -22,7 +22,8 @@ from cable_ros.bench.cases import case_scene
 from cable_ros.bench.fuzz import tracked_case
 from cable_ros.bench.machine import describe
 from cable_ros.branch.cable_tracker import ALGEBRAIC, CableTracker
-from cable_ros.branch.cold_start import Found, on_mesh
+from cable_ros.branch.cold_start import Found
+from cable_ros.branch.refinement import on_mesh
 
 QUANTILES = (0.01, 0.5, 0.9, 0.99, 0.999, 1.0)
 

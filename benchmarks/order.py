@@ -22,7 +22,8 @@ from tqdm import tqdm
 
 from cable_ros import load_scene
 from cable_ros.bench.machine import describe
-from cable_ros.branch.cold_start import Conditions, Found, equilibria, on_mesh
+from cable_ros.branch.cold_start import Conditions, Found, equilibria
+from cable_ros.branch.refinement import on_mesh
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.units import Units, relative

@@ -15,7 +15,7 @@ from test_touching_ends import DIAMETER, FREE, GROUND, among
 from zoo_supports import CART
 
 from cable_ros import Tracker
-from cable_ros.branch.cold_start import without_slivers
+from cable_ros.branch.refinement import without_slivers
 from cable_ros.equilibrium import Status
 from cable_ros.rod.elements import Mesh, reference_element
 from cable_ros.scene import load_scene

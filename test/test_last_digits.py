@@ -27,6 +27,7 @@ ARCH = either_side()[0]
         pytest.param(drawn_case(15, 51, 1e-4), 1, id="the same, with a diameter"),
         pytest.param(drawn_case(18, 83, 1e-4), 1, id="a weightless one, that turns freely"),
         pytest.param(drawn_case(17, 99, 1e-4), 1, id="a heavy cable over a beam, not found by descents"),
+        pytest.param(drawn_case(19, 38, 1e-4), 13, id="a lift that snaps flat, on short elements"),
     ],
 )
 def test_same_answer(case: Case, poses: int) -> None:

@@ -23,11 +23,6 @@ from cable_ros.rod.kirchhoff import ORDER, Rod
 from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.solve.trust_region import Options
 
-AIM, ACCEPT = 0.1, 0.45
-"""Fractions of the tolerance: the error that a new mesh aims at, and the largest of a mesh that is kept."""
-LENIENT = 1.6
-"""Maximum misfit between contacts and elements of a mesh that is kept, over that of a new one; see
-`ConstrainedRod.unresolved`."""
 TAUT = 0.999
 """Minimum chord, L, at which the search for an extensible cable begins with the straight shape."""
 SEARCH = 1e-2
@@ -35,11 +30,6 @@ SEARCH = 1e-2
 NEAR = 0.02
 """Maximum difference of total twist, rad, from the target at which a search ends."""
 SEARCH_OPTIONS = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
-MOST_ELEMENTS = 2_000
-"""Maximum number of elements of a mesh. Between clamps as far apart as the cable is long, tension has no
-bound, nor has the mesh that it asks for."""
-SLIVER = 1e-6
-"""Length, L, of an element that nothing asks for."""
 GRAIN = 2.0**-34
 """To this, L, rad or of the weight, conditions are rounded for a search among obstacles: a descent that
 zigzags for fifty iterations makes another equilibrium of a change in the twelfth digit."""
@@ -185,84 +175,6 @@ def corrected(rod: TouchingRod, q: np.ndarray, F: np.ndarray) -> Found | None:
     if code != warm_step.ADVANCED or not rod.refactor(q_new, F_new):
         return None
     return Found.at(rod, q_new, F_new, iterations)
-
-
-def on_mesh(found: Found, mesh: Mesh) -> Found | None:
-    """The same equilibrium on another mesh."""
-    mesh = found.rod.suited(mesh)
-    q = found.rod.mesh.interpolate(found.q, mesh.nodes)
-    q[0], q[-1] = found.q[0], found.q[-1]
-    return settle(found.rod.variant(mesh), q, found.F)
-
-
-def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
-    """The mesh whose elements have equal shares in an error of AIM * tolerance, by this order's rates.
-
-    An element's share (energy norm squared, left by `Rod.wrench_error`) falls as its length^(2 order + 1).
-    """
-    order = rod.mesh.element.order
-    shares = np.maximum(rod.shares, 1e-12 * rod.shares.max() + 1e-300)
-    gain = (AIM * tolerance / max(estimate, 1e-16)) ** (1.0 / (2 * order))
-    size = rod.h * gain * (shares.mean() / shares) ** (1.0 / (2 * order + 1))
-    size = np.clip(size, 0.25 * rod.h, 3.0 * rod.h)
-    # sizes grow at most threefold from one element to the next
-    for i in range(1, len(size)):
-        size[i] = min(size[i], 3.0 * size[i - 1])
-    for i in range(len(size) - 2, -1, -1):
-        size[i] = min(size[i], 3.0 * size[i + 1])
-    density = np.concatenate(([0.0], np.cumsum(rod.h / size)))
-    count = max(2, int(np.ceil(density[-1])))
-    edges = np.interp(np.linspace(0.0, density[-1], count + 1), density, np.append(rod.s0, 1.0))
-    return Mesh(rod.mesh.element, np.diff(edges))
-
-
-def without_slivers(mesh: Mesh) -> Mesh:
-    """The mesh with elements shorter than SLIVER joined to the one before: a contact that is gone left them.
-
-    `better_mesh` would let its elements grow from theirs.
-    """
-    edges = np.concatenate([[0.0], np.cumsum(mesh.lengths)])
-    kept = [0.0]
-    for edge in edges[1:-1]:
-        if edge - kept[-1] > SLIVER and edges[-1] - edge > SLIVER:
-            kept.append(edge)
-    return Mesh(mesh.element, np.diff([*kept, edges[-1]]))
-
-
-def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:
-    """The equilibrium on a mesh with an error of at most `accept` * tolerance, or the best one; its error."""
-    iterations = found.iterations
-    rod = found.rod.for_tolerance(tolerance)
-    if rod is not found.rod:
-        closer = settle(rod, found.q, found.F)
-        if closer is None:
-            return found, np.inf
-        found = closer
-        iterations += closer.iterations
-    estimate = found.rod.relative_error(found.q, found.F)
-    for _ in range(8):
-        unresolved = found.rod.unresolved(found.q)
-        unresolved[[0, -1]] |= found.rod.clamp_errors(found.q, found.F) > ACCEPT * tolerance
-        unresolved &= found.rod.mesh.lengths > SLIVER
-        if unresolved.any() and estimate <= tolerance:
-            mesh = found.rod.mesh.split(unresolved)
-        elif estimate > accept * tolerance:
-            mesh = better_mesh(found.rod, estimate, tolerance)
-        else:
-            break
-        if len(mesh.lengths) > MOST_ELEMENTS:
-            break
-        finer = on_mesh(found, mesh)
-        if finer is None:
-            finer = on_mesh(found, found.rod.mesh.split(np.ones(len(found.rod.h), bool)))
-        if finer is None:
-            break
-        iterations += finer.iterations
-        new = finer.rod.relative_error(finer.q, finer.F)
-        if new > 0.9 * estimate and new < 1e-9 and not unresolved.any():
-            break  # rounding: no mesh does better
-        found, estimate = finer, new
-    return Found(found.rod, found.q, found.F, found.energy, found.twist, iterations), estimate
 
 
 class Starts:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import LENIENT, LIMIT, Conditions, Found, Sought, first_mesh, refine, settled
+from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Sought, first_mesh, settled
+from cable_ros.branch.refinement import LENIENT, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.grid_friction import Friction
 from cable_ros.contact.nodal_contacts import MOST, point_count

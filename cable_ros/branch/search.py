@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from cable_ros.branch import handover
-from cable_ros.branch.cold_start import Found, Sought, Starts, carried, refine, same
+from cable_ros.branch.cold_start import Found, Sought, Starts, carried, same
 from cable_ros.branch.end_for_end import end_for_end
 from cable_ros.branch.falling import Falling
 from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry, side_of
 from cable_ros.branch.paying_out import Led, Loading, PayingOut
+from cable_ros.branch.refinement import refine
 from cable_ros.contact.symmetry import REVERSED, Symmetry
 from cable_ros.equilibrium import Status
 

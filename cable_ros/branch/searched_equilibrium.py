@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cable_ros.branch.branch_record import BranchRecord
-from cable_ros.branch.cold_start import Found, Sought, equilibria, refine, same
+from cable_ros.branch.cold_start import Found, Sought, equilibria, same
 from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.property_change import Section, follow
+from cable_ros.branch.refinement import refine
 from cable_ros.branch.search import Search
 from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
 from cable_ros.contact.friction_kernels import COULOMB

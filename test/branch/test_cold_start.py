@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from references.equilibria import KNOWN, relative_difference, wrench
 
-from cable_ros.branch.cold_start import AIM, Conditions, better_mesh, equilibria, first_mesh, on_mesh, refine
+from cable_ros.branch.cold_start import Conditions, equilibria, first_mesh
+from cable_ros.branch.refinement import AIM, better_mesh, on_mesh, refine
 
 ARM = KNOWN["space_arm_+0.0deg"]
 NAMES = ("space_arm_+0.0deg", "space_arm_+90.0deg", "cable_00", "cable_04", "cable_09")

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from nodal_scenes import go, ground, rotation, wrench
 
-from cable_ros.branch.cold_start import Conditions, Found, equilibria, refine
+from cable_ros.branch.cold_start import Conditions, Found, equilibria
+from cable_ros.branch.refinement import refine
 from cable_ros.contact.distance import AXES, BOX, CENTRE, DIMENSIONS, OFFSET, SHAPE, WIDTH
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.points import ARC_LENGTH, FORCE, FRICTION, OBSTACLE

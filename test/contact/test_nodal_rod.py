@@ -22,7 +22,8 @@ from nodal_scenes import (
 from references import contact
 from references.reference import Reference
 
-from cable_ros.branch.cold_start import Conditions, refine, settle
+from cable_ros.branch.cold_start import Conditions, settle
+from cable_ros.branch.refinement import refine
 from cable_ros.branch.snap_through import snap_through
 from cable_ros.contact.distance import gap
 from cable_ros.contact.nodal_kernels import COMPLIANCE

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cable_ros.branch.cold_start import Conditions, Found, equilibria, refine
+from cable_ros.branch.cold_start import Conditions, Found, equilibria
+from cable_ros.branch.refinement import refine
 from cable_ros.rod.units import Units, relative
 
 

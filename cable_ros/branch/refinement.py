@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finer meshes for an equilibrium, until the estimated error of its wrenches meets the tolerance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_ros.branch.cold_start import Found, settle
+from cable_ros.rod.elements import Mesh
+from cable_ros.rod.kirchhoff import Rod
+
+AIM, ACCEPT = 0.1, 0.45
+"""Fractions of the tolerance: the error that a new mesh aims at, and the largest of a mesh that is kept."""
+LENIENT = 1.6
+"""Maximum misfit between contacts and elements of a mesh that is kept, over that of a new one; see
+`ConstrainedRod.unresolved`."""
+MOST_ELEMENTS = 2_000
+"""Maximum number of elements of a mesh. Between clamps as far apart as the cable is long, tension has no
+bound, nor has the mesh that it asks for."""
+SHORT = 1e-3
+"""Length of elements, L, without which an equilibrium is looked for if none is found on a mesh with them."""
+SLIVER = 1e-6
+"""Length, L, of an element that nothing asks for."""
+
+
+def on_mesh(found: Found, mesh: Mesh) -> Found | None:
+    """The same equilibrium on another mesh."""
+    mesh = found.rod.suited(mesh)
+    q = found.rod.mesh.interpolate(found.q, mesh.nodes)
+    q[0], q[-1] = found.q[0], found.q[-1]
+    return settle(found.rod.variant(mesh), q, found.F)
+
+
+def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
+    """The mesh whose elements have equal shares in an error of AIM * tolerance, by this order's rates.
+
+    An element's share (energy norm squared, left by `Rod.wrench_error`) falls as its length^(2 order + 1).
+    """
+    order = rod.mesh.element.order
+    shares = np.maximum(rod.shares, 1e-12 * rod.shares.max() + 1e-300)
+    gain = (AIM * tolerance / max(estimate, 1e-16)) ** (1.0 / (2 * order))
+    size = rod.h * gain * (shares.mean() / shares) ** (1.0 / (2 * order + 1))
+    size = np.clip(size, 0.25 * rod.h, 3.0 * rod.h)
+    # sizes grow at most threefold from one element to the next
+    for i in range(1, len(size)):
+        size[i] = min(size[i], 3.0 * size[i - 1])
+    for i in range(len(size) - 2, -1, -1):
+        size[i] = min(size[i], 3.0 * size[i + 1])
+    density = np.concatenate(([0.0], np.cumsum(rod.h / size)))
+    count = max(2, int(np.ceil(density[-1])))
+    edges = np.interp(np.linspace(0.0, density[-1], count + 1), density, np.append(rod.s0, 1.0))
+    return Mesh(rod.mesh.element, np.diff(edges))
+
+
+def without_slivers(mesh: Mesh, least: float = SLIVER) -> Mesh:
+    """The mesh with elements shorter than `least` joined to the one before: a contact that is gone left them.
+
+    `better_mesh` would let its elements grow from theirs.
+    """
+    edges = np.concatenate([[0.0], np.cumsum(mesh.lengths)])
+    kept = [0.0]
+    for edge in edges[1:-1]:
+        if edge - kept[-1] > least and edges[-1] - edge > least:
+            kept.append(edge)
+    return Mesh(mesh.element, np.diff([*kept, edges[-1]]))
+
+
+def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:
+    """The equilibrium on a mesh with an error of at most `accept` * tolerance, or the best one; its error."""
+    iterations = found.iterations
+    rod = found.rod.for_tolerance(tolerance)
+    if rod is not found.rod:
+        closer = settle(rod, found.q, found.F)
+        if closer is None:
+            return found, np.inf
+        found = closer
+        iterations += closer.iterations
+    estimate = found.rod.relative_error(found.q, found.F)
+    tried = [(found, estimate)]
+    for _ in range(8):
+        unresolved = found.rod.unresolved(found.q)
+        unresolved[[0, -1]] |= found.rod.clamp_errors(found.q, found.F) > ACCEPT * tolerance
+        unresolved &= found.rod.mesh.lengths > SLIVER
+        if unresolved.any() and estimate <= tolerance:
+            mesh = found.rod.mesh.split(unresolved)
+        elif estimate > accept * tolerance:
+            mesh = better_mesh(found.rod, estimate, tolerance)
+        else:
+            break
+        if len(mesh.lengths) > MOST_ELEMENTS:
+            break
+        finer = on_mesh(found, mesh)
+        if finer is None and mesh.lengths.min() < SHORT:
+            finer = on_mesh(found, without_slivers(mesh, SHORT))
+        if finer is None:
+            finer = on_mesh(found, found.rod.mesh.split(np.ones(len(found.rod.h), bool)))
+        if finer is None:
+            break
+        iterations += finer.iterations
+        new = finer.rod.relative_error(finer.q, finer.F)
+        if new > 0.9 * estimate and new < 1e-9 and not unresolved.any():
+            break  # rounding: no mesh does better
+        found, estimate = finer, new
+        tried.append((found, estimate))
+    if len(tried) > 1 and _largest_error(*tried[-1]) > tolerance:
+        found, estimate = min(tried, key=lambda one: _largest_error(*one))
+        found.rod.refactor(found.q, found.F)
+    return Found(found.rod, found.q, found.F, found.energy, found.twist, iterations), estimate
+
+
+def _largest_error(found: Found, estimate: float) -> float:
+    """The larger of the `estimate` and the clamps' errors; inf where the cable sinks in."""
+    rod = found.rod
+    sinks = rod.unresolved(found.q, LENIENT).any()
+    return np.inf if sinks else max(estimate, float(rod.clamp_errors(found.q, found.F).max()))
