@@ -11,6 +11,7 @@ import pytest
 from cable_ros import Equilibrium, Status, Tracker
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case, refined
+from cable_ros.bench.metamorphic import at_rate, corners
 
 Key = tuple[int, int] | tuple[int, int, str]
 """Seed, index and kind of `drawn_case`."""
@@ -46,6 +47,9 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((145, 14, "wall"), 170),
         ((145, 88, "beams"), 5),
         ((158, 133), 33),
+        # what turns freely was followed on along a ridge, whose margin had been 0 twice
+        ((159, 42), 5),
+        ((158, 287), 3),
         # slip turns back as the force falls: it went on the way its friction pushed
         ((145, 37, "slot"), 11),
         ((146, 45, "beams"), 34),
@@ -65,6 +69,8 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((156, 7, "table"), 4),
         # a point becomes a short patch that slides, whose ends stuck
         ((158, 297), 54),
+        # a hose on the ground falls where the place about which it turns comes to its clamp
+        ((159, 795), 17),
         # a grid takes over where friction along a patch turns back
         ((156, 0, "table"), 5),
     ],
@@ -78,6 +84,15 @@ def test_the_same_told_in_more_poses(key: Key, poses: int) -> None:
 def test_a_fall_as_its_mesh_is_refined_is_told() -> None:
     """In the budget's pause beside a fold, the refined mesh was past it."""
     assert Status.SNAPPED in [one.status for one in told((145, 50, "tray"), 2, FINER)]
+
+
+def test_a_hose_led_back_at_250_hz_falls_and_keeps_its_friction() -> None:
+    """Its small steps took a call's budget before one was short enough to try whether it falls."""
+    case = drawn_case(159, 25, 1e-4)
+    tracker = Tracker(case_scene(case))
+    path = at_rate(corners(case), 250, 0.5)[:310]
+    found = [tracker.arrive(joints)["cable"].status for joints in path]
+    assert set(found) == {Status.CONVERGED, Status.SNAPPED}
 
 
 def test_a_patch_that_shrinks_to_the_clamp_leaves_it() -> None:

@@ -225,7 +225,7 @@ def continue_branch(
         if rod.on_grid:
             may_fall = far < FALL and code != warm_step.TOO_FAR
         else:
-            ends = (far < FALL and (tiny or not soft)) or not (stable or rod.lies)
+            ends = far < FALL or not (stable or rod.lies)
             may_fall = fallback is not None and gives_way and ends
         if may_fall and falls < FALLS:
             falls += 1
