@@ -69,8 +69,6 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((156, 7, "table"), 4),
         # a point becomes a short patch that slides, whose ends stuck
         ((158, 297), 54),
-        # a hose on the ground falls where the place about which it turns comes to its clamp
-        ((159, 795), 17),
         # a grid takes over where friction along a patch turns back
         ((156, 0, "table"), 5),
     ],
