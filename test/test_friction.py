@@ -19,7 +19,7 @@ from references.free_boundary import GROUND, Lying, Surface, clamp, meet, stuck
 from references.reference import Reference, planar_frame
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
-from cable_ros.bench.cases import case_scene
+from cable_ros.bench.cases import Case, case_scene
 from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.contact.points import SLIPS
 from cable_ros.contact.touching_rod import TouchingRod
@@ -227,12 +227,16 @@ def test_a_lying_cable_led_sideways_and_back_in_more_poses_has_the_same_wrench()
     assert max(off) < 0.01
 
 
+def second_pose(case: Case, parts: int) -> Equilibrium:
+    """The answer at a drawn case's second pose, told in so many poses."""
+    tracker = Tracker(case_scene(case))
+    return [tracker.arrive(pose)["cable"] for pose in refined(case.path[:2], parts)][-1]
+
+
 def test_a_first_touch_in_one_pose_or_in_four() -> None:
     """Most of the way a rough ball does not touch yet: slip was taken to be that of all of it, 3 % off."""
     case = drawn_case(134, 41, 1e-4)
-    few, many = Tracker(case_scene(case)), Tracker(case_scene(case))
-    once = [few.arrive(pose)["cable"] for pose in case.path[:2]][-1]
-    told = [many.arrive(pose)["cable"] for pose in refined(case.path[:2], 4)][-1]
+    once, told = second_pose(case, 1), second_pose(case, 4)
     assert once.contacts
     assert error(told.end_wrench, once.end_wrench) < 0.005
 
@@ -240,11 +244,7 @@ def test_a_first_touch_in_one_pose_or_in_four() -> None:
 def test_a_point_lands_beside_a_patch_in_one_pose_or_in_more() -> None:
     """On a tray that is pushed along under it a cable lies and lands: as it was told, it was 1 to 3 % off."""
     case = drawn_case(158, 354, 1e-4)
-    tracker = Tracker(case_scene(case))
-    found = []
-    for parts in (1, 2, 8):
-        tracker.reset()
-        found.append([tracker.arrive(pose)["cable"] for pose in refined(case.path[:2], parts)][-1])
+    found = [second_pose(case, parts) for parts in (1, 2, 8)]
     assert {one.status for one in found} == {Status.CONVERGED}
     assert max(error(one.end_wrench, found[-1].end_wrench) for one in found) < 0.005
 
@@ -252,10 +252,7 @@ def test_a_point_lands_beside_a_patch_in_one_pose_or_in_more() -> None:
 def test_a_small_step_does_not_leave_the_branch() -> None:
     """Newton's method went to a distant equilibrium in the smaller steps there, not in the larger ones."""
     case = drawn_case(108, 76, 1e-4)  # between two rough rollers
-    there = case.path[:2]
-    few, many = Tracker(case_scene(case)), Tracker(case_scene(case))
-    once = [few.arrive(pose)["cable"] for pose in there][-1]
-    told = [many.arrive(pose)["cable"] for pose in refined(there, 4)][-1]
+    once, told = second_pose(case, 1), second_pose(case, 4)
     assert once.status is told.status is Status.CONVERGED
     assert error(told.end_wrench, once.end_wrench) < 0.01
 
