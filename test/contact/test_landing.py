@@ -52,7 +52,6 @@ def closing_in(path: tuple[Pose, ...], count: int = 30) -> Iterator[Pose]:
 
 PATHS = {
     "as it is": CASE.path,
-    "in 4 times as many": tuple(refined(CASE.path, 4)),
     "in 16 times as many": tuple(refined(CASE.path, 16)),
     "ever smaller": tuple(closing_in(CASE.path)),
 }

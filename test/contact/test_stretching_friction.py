@@ -104,7 +104,7 @@ def test_slip_creeps_along_a_lying_cable_there_back_and_there_again(tolerance: f
 
 def test_the_number_of_steps_does_not_matter() -> None:
     ends = []
-    for count in (2, 8, 32):
+    for count in (2, 20):
         there, back = np.linspace(0.0, TOP, count + 1), np.linspace(TOP, BACK, count + 1)[1:]
         ends.append(follow(drawn(), [*there, *back])[-1].end_wrench[2])
     assert max(ends) - min(ends) < 0.01 * tension(TOP)
