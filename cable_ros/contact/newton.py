@@ -41,7 +41,8 @@ from cable_ros.linalg.bordered import (
     complement,
     complement_factors,
     end_coupling,
-    kkt_factor,
+    is_minimum,
+    kkt_matrix,
     kkt_solve,
 )
 from cable_ros.linalg.copies import copy, copy_rows
@@ -90,7 +91,7 @@ def skew_factor(kkt, count, order, drag):
         for j in range(A.shape[1]):
             A[i, j] = (1.0 + drag) * elastic[i, j] + geometric[i, j]
     banded.factor(A, 3, n - 3, order, U, pivots)
-    complement(kkt.rows.V, kkt.rows.W, count, order, kkt.factors)
+    complement(kkt.rows.V, kkt.rows.W, False, count, order, kkt.factors)
     add_reach(kkt.strain.skew, count, S)
     add_reach(kkt.strain.give, 3, S)
     for a in range(count):
@@ -177,7 +178,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     total, rounds, size, step, scale, foreseen = 0, 0, 0.0, 0.0, 1.0, 0.0
     friction = np.empty((points.shape[0], 3))
     small, swaps = factors.S, np.empty(0, np.int64)
-    tangent, moved, convex = True, False, True  # `tangent`: the tangent step, which moves the end
+    tangent, moved = True, False  # `tangent`: the tangent step, which moves the end
+    least, worst = 0, 1.0
     steady = model != COULOMB  # whether no direction of friction is part of the iteration
     holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
     revised, turns = 0, 0  # contacts added in the last revision, and how often as many went as had come
@@ -220,9 +222,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 total_rows, holds, fresh, rotation = new_rows, True, True, 0.0
                 steady = same or model != COULOMB
             if full and same:
-                convex = kkt_factor(
-                    tangents, drag, order, factors, V, V, False, rows.delta, strain.reach, strain.give,
-                    total_rows, 3 + count,
+                least, worst = kkt_matrix(
+                    tangents, drag, order, factors, V, rows.delta, strain.reach, strain.give, total_rows,
+                    3 + count,
                 )  # fmt: skip
             elif full:
                 skew_factor(kkt, total_rows, order, drag)
@@ -300,7 +302,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             history = History(model, options.direction, presliding, options.bedding, *before)
         elif not changed:
             moved = moved or coarse(points, count, h, s0, finest) or dipping(points, count)
-            if not convex and model == FRICTIONLESS:
+            if model == FRICTIONLESS and fresh and not is_minimum(factors.S, total_rows, least, worst):
                 return NOT_CONVEX, total, count, total_rows, moved, rotation, foreseen
             if model == COULOMB:
                 for i in range(count):

@@ -209,23 +209,13 @@ def kkt_factor(tangents, mu, order, factors, V, W, skew, delta, reach, give, cou
         count: number of rows.
         equalities: number of the first rows that are equalities.
     """
-    negative, worst = shift(tangents, mu, order, factors)
-    expected = equalities
-    complement(V, V, count, order, factors)
+    least, worst = kkt_matrix(tangents, mu, order, factors, V, delta, reach, give, count, equalities)
     S = factors.S
-    add_reach(reach, count, S)
-    add_reach(give, 3, S)
-    for a in range(count):
-        for b in range(a):
-            S[b, a] = S[a, b]
-        S[a, a] += delta[a]
-        if a >= equalities and delta[a] >= 0.0:
-            expected += 1
     positive = dense.positive(S[:count, :count])
-    unstable = negative + positive - expected
+    unstable = positive - least
     if not skew or worst <= SINGULAR:
         return worst > SINGULAR and unstable == 0
-    complement(V, W, count, order, factors)
+    complement(V, W, False, count, order, factors)
     add_reach(reach, count, S)
     add_reach(give, 3, S)
     for a in range(count):
@@ -238,6 +228,34 @@ def kkt_factor(tangents, mu, order, factors, V, W, skew, delta, reach, give, cou
     return unstable == (1 if odd else 0)
 
 
+@njit(**INNER)
+def kkt_matrix(tangents, mu, order, factors, V, delta, reach, give, count, equalities):
+    """`kkt_factor` where multipliers act along V, without its verdict, which may cost more than all else.
+
+    Returns the number of positive eigenvalues that the complement S has at a strict minimum, at others more,
+    and the pivots' worst quality.
+    """
+    negative, worst = shift(tangents, mu, order, factors)
+    complement(V, V, True, count, order, factors)
+    S = factors.S
+    add_reach(reach, count, S)
+    add_reach(give, 3, S)
+    least = equalities - negative
+    for a in range(count):
+        for b in range(a):
+            S[b, a] = S[a, b]
+        S[a, a] += delta[a]
+        if a >= equalities and delta[a] >= 0.0:
+            least += 1
+    return least, worst
+
+
+@njit(**INNER)
+def is_minimum(S, count, least, worst):
+    """Whether an equilibrium is a strict minimum by its complement S of `count` rows and `kkt_matrix`."""
+    return worst > SINGULAR and dense.positive(S[:count, :count]) == least
+
+
 @njit(**LEAF)
 def add_reach(reach, count, S):
     """Add `reach`, see `kkt_factor`, to the complement S of `count` rows."""
@@ -248,11 +266,12 @@ def add_reach(reach, count, S):
 
 
 @njit(**INNER)
-def complement(V, W, count, order, factors):
+def complement(V, W, half, count, order, factors):
     """Y = H^-1 W^T and S = V H^-1 W^T at the inner nodes, in `factors`, from the factors U of H.
 
     Args:
         V, W: (rows, 3n) constraint rows, and the directions in which their multipliers act.
+        half: whether the lower half of S is enough, as it is where V is W.
         count: number of rows.
         order: of the elements.
         factors: `Factors` of `count` rows or more.
@@ -265,15 +284,21 @@ def complement(V, W, count, order, factors):
             X[i, a] = W[a, i]
     banded.solve_all(U, pivots, 3, n - 3, order, X)
     S[:count, :count] = 0.0
-    for i in range(3, n - 3, 3):
-        x0, x1, x2 = X[i], X[i + 1], X[i + 2]
+    for i in range(3, n - 3, 6):
+        # two nodes at a time, so that S is read and written half as often; of an odd number the last is alone
+        alone = i + 3 == n - 3
+        j = i if alone else i + 3
+        x0, x1, x2, x3, x4, x5 = X[i], X[i + 1], X[i + 2], X[j], X[j + 1], X[j + 2]
         for a in range(count):
-            v0, v1, v2 = V[a, i], V[a, i + 1], V[a, i + 2]
+            v0, v1, v2, v3, v4, v5 = V[a, i], V[a, i + 1], V[a, i + 2], V[a, j], V[a, j + 1], V[a, j + 2]
+            if alone:
+                v3 = v4 = v5 = 0.0
             # a row for a point near the start clamp reads nothing of what comes later
-            if v0 != 0.0 or v1 != 0.0 or v2 != 0.0:
-                out = S[a, :count]
-                for b in range(count):
-                    out[b] = ((out[b] + v0 * x0[b]) + v1 * x1[b]) + v2 * x2[b]
+            if v0 != 0.0 or v1 != 0.0 or v2 != 0.0 or v3 != 0.0 or v4 != 0.0 or v5 != 0.0:
+                out = S[a, : a + 1] if half else S[a, :count]
+                for b in range(out.shape[0]):
+                    first = ((out[b] + v0 * x0[b]) + v1 * x1[b]) + v2 * x2[b]
+                    out[b] = ((first + v3 * x3[b]) + v4 * x4[b]) + v5 * x5[b]
     for a in range(count):
         for i in range(n):
             Y[a, i] = X[i, a] if 3 <= i < n - 3 else 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, njit
+from cable_ros.compilation import INNER, LEAF, njit
 
 PANEL = 4
 """Number of columns that `factor` eliminates at a time, as many as it writes out."""
@@ -24,10 +24,7 @@ def positive(S):
     Loan, 4.4.4).
     """
     n = S.shape[0]
-    A = S.copy()
-    for i in range(n):
-        for j in range(i + 1, n):
-            A[i, j] = A[j, i]
+    A, w, z = S.copy(), np.empty(n), np.empty(n)
     count, k = 0, 0
     while k < n:
         size, pivot = 1, k
@@ -41,38 +38,49 @@ def positive(S):
                 other = 0.0
                 for j in range(k, n):
                     if j != r:
-                        other = max(other, abs(A[r, j]))
+                        other = max(other, abs(A[max(r, j), min(r, j)]))
                 if abs(A[k, k]) * other < GROWTH * largest**2:
                     pivot = r
                     if abs(A[r, r]) < GROWTH * other:
                         size = 2
         last = k + size - 1
         if pivot != last:
-            for j in range(k, n):
-                A[last, j], A[pivot, j] = A[pivot, j], A[last, j]
-            for i in range(k, n):
-                A[i, last], A[i, pivot] = A[i, pivot], A[i, last]
+            interchange(A, k, last, pivot)
+        for i in range(last + 1, n):
+            w[i], z[i] = A[i, k], A[i, last]
         if size == 1:
             d = A[k, k]
             if d > 0.0:
                 count += 1
             if d != 0.0:
                 for i in range(k + 1, n):
-                    v = A[i, k] / d
+                    v = w[i] / d
                     if v != 0.0:
-                        for j in range(k + 1, n):
-                            A[i, j] -= v * A[k, j]
+                        for j in range(k + 1, i + 1):
+                            A[i, j] -= v * w[j]
         else:
             a, b, c = A[k, k], A[k + 1, k], A[k + 1, k + 1]
             count += 1  # such a block has one eigenvalue of each sign
             det = a * c - b * b
             for i in range(k + 2, n):
-                v = (A[i, k] * c - A[i, k + 1] * b) / det
-                w = (A[i, k + 1] * a - A[i, k] * b) / det
-                for j in range(k + 2, n):
-                    A[i, j] -= v * A[k, j] + w * A[k + 1, j]
+                u = (w[i] * c - z[i] * b) / det
+                v = (z[i] * a - w[i] * b) / det
+                for j in range(k + 2, i + 1):
+                    A[i, j] -= u * w[j] + v * z[j]
         k += size
     return count
+
+
+@njit(**LEAF)
+def interchange(A, first, p, q):
+    """Exchange rows and columns p < q of a symmetric matrix, of which the lower half from `first` on counts."""
+    for j in range(first, p):
+        A[p, j], A[q, j] = A[q, j], A[p, j]
+    for j in range(p + 1, q):
+        A[j, p], A[q, j] = A[q, j], A[j, p]
+    for j in range(q + 1, A.shape[0]):
+        A[j, p], A[j, q] = A[j, q], A[j, p]
+    A[p, p], A[q, q] = A[q, q], A[p, p]
 
 
 @njit(**INNER)
