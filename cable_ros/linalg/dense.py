@@ -73,7 +73,7 @@ def positive(S):
 
 @njit(**LEAF)
 def interchange(A, first, p, q):
-    """Exchange rows and columns p < q of a symmetric matrix, of which the lower half from `first` on counts."""
+    """Exchange rows and columns p < q of a symmetric matrix, whose lower half from `first` on counts."""
     for j in range(first, p):
         A[p, j], A[q, j] = A[q, j], A[p, j]
     for j in range(p + 1, q):
