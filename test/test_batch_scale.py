@@ -50,11 +50,19 @@ def at_once(request, monkeypatch):
     monkeypatch.setattr(processes, "ALONE", 0.0)
 
 
+@pytest.fixture(scope="module")
+def jobs(arm):
+    return [(arm, [ANGLES] * MANY)]
+
+
+@pytest.fixture(scope="module")
+def here(jobs):
+    return concatenate([part for _, part in solve_paths(jobs)])
+
+
 @pytest.mark.parametrize("kill", [False, True], ids=["all live", "one is killed"])
-def test_processes_give_the_same_bits(arm, at_once, monkeypatch, kill):
+def test_processes_give_the_same_bits(jobs, here, at_once, monkeypatch, kill):
     """One is killed as soon as they take part, in the middle of its work."""
-    jobs = [(arm, [ANGLES] * MANY)]
-    here = concatenate([part for _, part in solve_paths(jobs)])
     pool = processes.Processes(2)
     monkeypatch.setattr(batch, "_pool", lambda *_: pool)
     there = []
