@@ -37,10 +37,10 @@ from cable_ros.contact.points import (
 from cable_ros.contact.stretched import close_strained_curve, trace
 from cable_ros.linalg import banded
 from cable_ros.linalg.bordered import (
-    add_reach,
     complement,
     complement_factors,
     end_coupling,
+    give_way,
     is_minimum,
     kkt_matrix,
     kkt_solve,
@@ -92,10 +92,7 @@ def skew_factor(kkt, count, order, drag):
             A[i, j] = (1.0 + drag) * elastic[i, j] + geometric[i, j]
     banded.factor(A, 3, n - 3, order, U, pivots)
     complement(kkt.rows.V, kkt.rows.W, False, count, order, kkt.factors)
-    add_reach(kkt.strain.skew, count, S)
-    add_reach(kkt.strain.give, 3, S)
-    for a in range(count):
-        S[a, a] += kkt.rows.delta[a]
+    give_way(S, kkt.strain.skew, kkt.strain.give, kkt.rows.delta, count)
 
 
 @njit(**OPTIONS)

@@ -216,10 +216,7 @@ def kkt_factor(tangents, mu, order, factors, V, W, skew, delta, reach, give, cou
     if not skew or worst <= SINGULAR:
         return worst > SINGULAR and unstable == 0
     complement(V, W, False, count, order, factors)
-    add_reach(reach, count, S)
-    add_reach(give, 3, S)
-    for a in range(count):
-        S[a, a] += delta[a]
+    give_way(S, reach, give, delta, count)
     small, swaps = complement_factors(S, count)
     # signs of the determinants of S and of what it was with W = V, together
     odd = (count - positive) % 2 == 1
@@ -238,13 +235,11 @@ def kkt_matrix(tangents, mu, order, factors, V, delta, reach, give, count, equal
     negative, worst = shift(tangents, mu, order, factors)
     complement(V, V, True, count, order, factors)
     S = factors.S
-    add_reach(reach, count, S)
-    add_reach(give, 3, S)
+    give_way(S, reach, give, delta, count)
     least = equalities - negative
     for a in range(count):
         for b in range(a):
             S[b, a] = S[a, b]
-        S[a, a] += delta[a]
         if a >= equalities and delta[a] >= 0.0:
             least += 1
     return least, worst
@@ -254,6 +249,15 @@ def kkt_matrix(tangents, mu, order, factors, V, delta, reach, give, count, equal
 def is_minimum(S, count, least, worst):
     """Whether an equilibrium is a strict minimum by its complement S of `count` rows and `kkt_matrix`."""
     return worst > SINGULAR and dense.positive(S[:count, :count]) == least
+
+
+@njit(**LEAF)
+def give_way(S, reach, give, delta, count):
+    """Add to the complement S of `count` rows how far the constraints give way, see `kkt_factor`."""
+    add_reach(reach, count, S)
+    add_reach(give, 3, S)
+    for a in range(count):
+        S[a, a] += delta[a]
 
 
 @njit(**LEAF)
