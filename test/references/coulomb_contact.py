@@ -10,7 +10,7 @@ from cable_ros.compilation import njit
 PLANE, SPHERE, CAPSULE, CYLINDER, BOX = range(5)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def radial(v, n, H):
     """Distance from the point that v (3,) starts at: length, unit vector n and second derivative H."""
     d = max(np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2), 1e-12)
@@ -22,7 +22,7 @@ def radial(v, n, H):
     return d
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def surface(kind, p, y, n, H):
     """Distance of y (3,) from the obstacle, both in its body's frame; outward normal n and Hessian H.
 
@@ -91,7 +91,7 @@ def surface(kind, p, y, n, H):
     return d
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def law(lam, gap, n, H, slip, old, mu, r, eps, C, A, B):
     """Alart-Curnier's equations C (3,) of one node and obstacle, A = dC/dlam, B = dC/dx (3, 3).
 
@@ -141,7 +141,7 @@ def law(lam, gap, n, H, slip, old, mu, r, eps, C, A, B):
     return 2 if sliding else 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def divide(A, c, B):
     """Put A^-1 c into c (3,) and A^-1 B into B (3, 3), by cofactors."""
     inverse = np.empty((3, 3))

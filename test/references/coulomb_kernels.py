@@ -26,7 +26,7 @@ WORSE = 100.0
 """A step may multiply the merit by this: a change of what touches or sticks makes it rise for a while."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def rotation(q, R):
     """Matrix (3, 3) of the unit quaternion q (4,), scalar first, into R."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -35,7 +35,7 @@ def rotation(q, R):
     R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def relative(a, b, p):
     """a* b of quaternions into p, with the sign that makes its scalar part positive."""
     p[0] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
@@ -46,7 +46,7 @@ def relative(a, b, p):
         p *= -1.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def turn(q, psi, out):
     """q exp(psi / 2), rows of (n, 4) and (n, 3), into out."""
     for j in range(q.shape[0]):
@@ -61,7 +61,7 @@ def turn(q, psi, out):
         out[j] /= np.sqrt(np.sum(out[j] ** 2))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def joint(a, b, K, spacing, ga, gb, J):
     """Energy gradients ga, gb (3,) of a joint between frames a and b; J (2, 2, 3, 3): rows a, b by a, b."""
     p = np.empty(4)
@@ -94,7 +94,7 @@ def joint(a, b, K, spacing, ga, gb, J):
                     J[row, col, i, j] = total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
     """Residual (into rhs, negative) and its Jacobian (band storage ab). Returns the squared merit.
 
@@ -205,13 +205,13 @@ def assemble(x, q, F, lam, rod, contact, state, ab, rhs, aic, aib, jacobian):
     return merit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def skew(v):
     """The matrix of v x."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def tilt(h, scale, give, R, fb, base, ab, rhs, jacobian):
     """Add the shear of a segment with the frame R and the force fb along its axes: u = C fb, C by GA alone.
 
@@ -235,7 +235,7 @@ def tilt(h, scale, give, R, fb, base, ab, rhs, jacobian):
             ab[base + 3 + i, k - i + BAND] += chord_force[i, k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def eliminate(ab, rhs):
     """Solve the banded system in place by Gaussian elimination with row pivots; the solution is in rhs."""
     n = rhs.shape[0]
@@ -273,7 +273,7 @@ def eliminate(ab, rhs):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def newton(x, q, F, lam, rod, contact, state, tolerance, most):
     """Semismooth Newton with a line search on the merit; x, q, F, lam are changed in place.
 
