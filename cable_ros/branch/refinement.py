@@ -28,7 +28,9 @@ def on_mesh(found: Found, mesh: Mesh) -> Found | None:
     mesh = found.rod.suited(mesh)
     q = found.rod.mesh.interpolate(found.q, mesh.nodes)
     q[0], q[-1] = found.q[0], found.q[-1]
-    return settle(found.rod.variant(mesh), q, found.F)
+    rod = found.rod.variant(mesh)
+    rod.stay((found.q, found.rod.h.copy(), found.rod.s0.copy()))
+    return settle(rod, q, found.F)
 
 
 def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:

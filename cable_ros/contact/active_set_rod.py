@@ -83,6 +83,9 @@ class ActiveSetRod(FrictionalRod):
 
     loaded: float = 0.0
     """Change of the end force since stability was judged, in EULER."""
+    found_on: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+    """Frames (k, 4) of the last equilibrium, lengths (j,) and starts (j,) of the elements on which it was
+    found, if it lies with friction and its mesh has changed since: what sticks stays where it was there."""
 
     @property
     def adapts_mesh(self) -> bool:  # type: ignore[override]
@@ -158,10 +161,21 @@ class ActiveSetRod(FrictionalRod):
     def _onto(self, mesh: Mesh, q: np.ndarray) -> np.ndarray:
         fresh = self.mesh.interpolate(q, mesh.nodes)
         fresh[0], fresh[-1] = q[0], q[-1]
+        before = (q, self.h, self.s0) if self.found_on is None else self.found_on
         self._allocate(mesh)
+        self.stay(before)
         self.points[: self.count, INTERFACE] = -1.0
         self.take_samples()
         return fresh
+
+    def stay(self, found_on: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+        """Let what sticks along a patch stay where it was on another mesh, see `found_on`.
+
+        On a new mesh the frames between two nodes are others than they were, and the cable is elsewhere, if
+        only by 1e-6 of its length. A taut one that sticks there has another end force, by up to 1 %.
+        """
+        if self.model == COULOMB and self.has_patch:
+            self.found_on = found_on
 
     def state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
         """Contact points, their number, lengths and starts of the elements, for `restore`."""
@@ -173,6 +187,7 @@ class ActiveSetRod(FrictionalRod):
         """Put back a `state`, and the `mesh` if it may have changed."""
         if mesh is not None and self.mesh is not mesh:
             self._allocate(mesh)
+            self.found_on = None
         points, self.count, self.h[:], self.s0[:] = state
         self.points[: self.count] = points
 
@@ -323,7 +338,7 @@ class ActiveSetRod(FrictionalRod):
                     code, (q_new, F_new) = warm_step.ADVANCED, split
             return code, iterations + spent, q_new, F_new
         sunk, before = self.sunk(q_new, F_new, obstacles), (self.qe, self.re, self.f, self.obstacles)
-        followed = self.followed
+        followed, found_on, self.found_on = self.followed, self.found_on, None
         self.set_conditions(qe, re, f, obstacles)
         if not self.tentative:
             self.follow(distance, F, F_new, landing)
@@ -354,7 +369,7 @@ class ActiveSetRod(FrictionalRod):
             self.restore(kept, mesh)
             self.set_conditions(*before)
             self.direction, self.ready, self.followed = direction, False, followed
-            self.loaded = was_loaded
+            self.loaded, self.found_on = was_loaded, found_on
             code = warm_step.NOT_CONTRACTING if sunk else warm_step.NOT_CONVEX
             return code, iterations, q_new, F_new
         self.settled = q_new
@@ -456,7 +471,8 @@ class ActiveSetRod(FrictionalRod):
         """
         conditions, obstacles, control = goal
         known = self.ready, self.settled is q
-        last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then
+        found_on = (q, self.h, self.s0) if self.found_on is None else self.found_on
+        last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then, *found_on
         friction = self.model, self.direction, self.presliding, self.bedding, softest
         contact = self.samples, self.depth, self.give, self.finest(), end_bubbles(self.mesh.element.order)
         q_new, F_new = np.empty_like(q), np.empty(3)

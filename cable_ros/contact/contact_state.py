@@ -103,6 +103,12 @@ class Last(NamedTuple):
     """The cable's length then over that now."""
     shift: float
     """Arc length now, L, of what was the cable's start."""
+    q_then: np.ndarray
+    """(k, 4) its nodal frames on the mesh on which it was found: what sticks has its place by these."""
+    h_then: np.ndarray
+    """(j,) lengths of that mesh's elements, L."""
+    s0_then: np.ndarray
+    """(j,) arc lengths at which they start, L."""
 
 
 class Options(NamedTuple):

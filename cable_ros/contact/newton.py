@@ -48,7 +48,7 @@ from cable_ros.linalg.bordered import (
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import close_curve
-from cable_ros.rod.rod_state import Section, grid_of
+from cable_ros.rod.rod_state import Grid, Section, grid_of
 from cable_ros.rod.warm_step import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
@@ -122,7 +122,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     """
     last, section, grid, contacts = Last(*last), Section(*section), grid_of(grid), ContactSet(*contacts)
     kkt, options = kkt_of(kkt), Options(*options)
-    q, F, f_old, obstacles_old, count, total_rows, ready, known, ratio, shift = last
+    q, F, f_old, obstacles_old, count, total_rows, ready, known, ratio, shift, q_then, _, _ = last
     q_new, F_new = new
     qe, re, f = conditions
     h, s0, tables = grid
@@ -145,15 +145,15 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     cover(points, count, h, s0, covered)
     # a cable that stretches settles beside what stands there
     c = np.zeros((elements, N.shape[0] + 1, 4 if strain.reach.shape[0] > 0 else 3))
-    old_c = np.zeros_like(c)
-    trace(Shape(q, old_c, grid), (F, f_old), contacts, count, obstacles_old, strain)
-    closed = np.zeros((elements, N.shape[0] + 3, 3))
+    old_h, old_s0 = last.h_then.copy(), last.s0_then.copy()
+    old_c = np.zeros((old_h.shape[0], c.shape[1], c.shape[2]))
+    old = Shape(q_then, old_c, Grid(old_h, old_s0, tables))
+    trace(old, (F, f_old), contacts, count, obstacles_old, strain)
+    closed = np.zeros((old_h.shape[0], N.shape[0] + 3, 3))
     if strain.reach.shape[0] == 0:
-        close_curve(q, h, bubbles, old_c, closed)
+        close_curve(q_then, old_h, bubbles, old_c, closed)
     else:
-        old = Shape(q, old_c, grid)
         close_strained_curve(old, (F, f_old), contacts, count, strain.compliance, bubbles, closed)
-    old_h, old_s0 = h.copy(), s0.copy()
     if ratio != 1.0 or shift != 0.0:
         lengthen((old_c, closed, old_h, old_s0), ratio, shift)
     before = old_c, closed, old_h, old_s0, last.obstacles

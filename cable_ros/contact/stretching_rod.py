@@ -75,6 +75,9 @@ class StretchingTouchingRod(StrainingTouchingRod):
         assert not compliance[:2].any()
         super().__init__(mesh, stiffness, natural, compliance, tolerance, density)
 
+    def stay(self, found_on: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+        """Its material's places depend on the forces too, which are known on its own mesh."""
+
     def _allocate(self, mesh: Mesh) -> None:
         super()._allocate(mesh)
         self.c = np.zeros((*self.c.shape[:2], 4))

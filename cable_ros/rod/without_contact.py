@@ -133,6 +133,9 @@ class WithoutContact:
         """
         return None
 
+    def stay(self, found_on: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+        """Let what sticks stay where it was on another mesh; see `ActiveSetRod.found_on`."""
+
     def lets_go(self, q: np.ndarray, F: np.ndarray, near: float) -> bool:
         """Whether only a contact that is about to end holds the cable at the equilibrium (q, F), or one on a
         face whose edge, at most `near` away, does not hold it.
