@@ -157,7 +157,7 @@ def resample(points, count, h, s0):
         for g in range(covered.shape[1]):
             if covered[o, g]:
                 count = sample(points, count, o, g, h, s0)
-                inherit(points, count - 1, old, before)
+                interpolate(points, count - 1, old, before)
                 points[count - 1, SLIPS] = 0.0  # its friction tells, see `FrictionalRod._slip_on`
     return count
 
@@ -194,6 +194,35 @@ def inherit(points, i, others, count):
     points[i, SLIPS] = 0.0
     for a in range(FORCE, BEFORE + 3):
         points[i, a] = others[best, a] * points[i, LENGTH] / others[best, LENGTH]
+
+
+@njit(**INNER)
+def interpolate(points, i, others, count):
+    """Give sample i of `points` pressure and friction between those of its neighbours on its obstacle.
+
+    With those of the nearest one a cable that slips lost some percent of its friction: where it presses
+    harder than that one did, it was taken to stick.
+
+    Args:
+        points, i, others, count: as in `inherit`, which serves beyond the last sample.
+    """
+    s, left, right = points[i, ARC_LENGTH], -1, -1
+    for k in range(count):
+        if others[k, OBSTACLE] != points[i, OBSTACLE] or others[k, LENGTH] == 0.0:
+            continue
+        if others[k, ARC_LENGTH] <= s:
+            if left < 0 or others[k, ARC_LENGTH] > others[left, ARC_LENGTH]:
+                left = k
+        elif right < 0 or others[k, ARC_LENGTH] < others[right, ARC_LENGTH]:
+            right = k
+    if left < 0 or right < 0:
+        inherit(points, i, others, count)
+        return
+    beyond = (s - others[left, ARC_LENGTH]) / (others[right, ARC_LENGTH] - others[left, ARC_LENGTH])
+    for a in range(FORCE, BEFORE + 3):
+        per_length = (1.0 - beyond) * others[left, a] / others[left, LENGTH]
+        per_length += beyond * others[right, a] / others[right, LENGTH]
+        points[i, a] = per_length * points[i, LENGTH]
 
 
 @njit(**INNER)
