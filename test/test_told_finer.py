@@ -69,6 +69,9 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((156, 7, "table"), 4),
         # a point becomes a short patch that slides, whose ends stuck
         ((158, 297), 54),
+        # on another mesh a taut cable that lies stuck elsewhere, and one that slipped lost friction
+        ((159, 740), 66),
+        ((159, 74), 58),
         # a grid takes over where friction along a patch turns back
         ((156, 0, "table"), 5),
     ],
