@@ -265,7 +265,7 @@ class ActiveSetRod(FrictionalRod):
     def take_samples(self) -> None:
         """Give the patches the samples of the present mesh; what slips goes on slipping."""
         before = self.points[: self.count].copy()
-        self.count = resample(self.points, self.count, self.h, self.s0)
+        self.count = resample(self.points, self.count, self.h, self.s0, self.creeps)
         self._slip_on(before)
 
     def step_in_contact(

@@ -44,7 +44,7 @@ def _onto_mesh(rod: ActiveSetRod) -> None:
     """Move the samples of patches back to their places in the elements, with the friction of the material."""
     old = rod.points[: rod.count].copy()
     rod.points[: rod.count, INTERFACE] = -1.0
-    rod.count = resample(rod.points, rod.count, rod.h, rod.s0)
+    rod.count = resample(rod.points, rod.count, rod.h, rod.s0, True)
     points = rod.points[: rod.count]
     for o in np.unique(points[:, OBSTACLE]):
         here = (points[:, OBSTACLE] == o) & (points[:, KIND] == SAMPLE)

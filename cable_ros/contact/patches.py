@@ -135,12 +135,14 @@ def fill(points, count, h, s0, covered):
 
 
 @njit(**OPTIONS)
-def resample(points, count, h, s0):
+def resample(points, count, h, s0, fronts):
     """Replace the samples of all patches by those of another mesh; returns the number of points.
 
     Args:
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
         h, s0: (m,) of `Grid` of that mesh.
+        fronts: whether friction may jump from sample to sample, as where slip creeps along a cable that
+            stretches: each is given that of the nearest one, else it is between those of its neighbours.
     """
     obstacles = 0
     for i in range(count):
@@ -157,7 +159,10 @@ def resample(points, count, h, s0):
         for g in range(covered.shape[1]):
             if covered[o, g]:
                 count = sample(points, count, o, g, h, s0)
-                interpolate(points, count - 1, old, before)
+                if fronts:
+                    inherit(points, count - 1, old, before)
+                else:
+                    interpolate(points, count - 1, old, before)
                 points[count - 1, SLIPS] = 0.0  # its friction tells, see `FrictionalRod._slip_on`
     return count
 
