@@ -126,12 +126,18 @@ def lift() -> Case:
     return replace(case, path=refined(case.path[:2], 3))
 
 
+def kept_exact(case: Case, monkeypatch: pytest.MonkeyPatch) -> TrackedEquilibrium:
+    """The cable after four poses, told a grid nowhere: whether one is better hangs on the last bits."""
+    monkeypatch.setattr(TrackedEquilibrium, "_onto_better_grid", lambda *_: False)
+    return led(case, 4, 1e-4)
+
+
 @pytest.mark.parametrize("cells", [96, 128, 204])
 def test_what_lies_takes_its_friction_to_any_grid(cells: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The grid's own error is F / 12 m^2 < 0.002. Given to the nearest cells, some had more than they can
     hold: 4.7 % of the end force were lost with 128, 12 % with 204.
     """
-    cable = led(lift(), 4, 1e-4)
+    cable = kept_exact(lift(), monkeypatch)
     monkeypatch.setattr(handover, "point_count", lambda _: cells)
     grid = handover.nodal(cable.rod, cable._q, cable._F)
     assert isinstance(grid, NodalRod)
@@ -139,9 +145,9 @@ def test_what_lies_takes_its_friction_to_any_grid(cells: int, monkeypatch: pytes
     assert handover.apart(grid, cable.rod, cable._F) < 0.004
 
 
-def test_what_lies_takes_its_friction_from_grid_to_grid() -> None:
+def test_what_lies_takes_its_friction_from_grid_to_grid(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shared from the cells' middles, 12.5 % of the wrench were lost on the finer grid, 2 % on the twin's."""
-    cable = led(lift(), 4, 1e-4)
+    cable = kept_exact(lift(), monkeypatch)
     grid = handover.nodal(cable.rod, cable._q, cable._F)
     assert grid is not None
     fine = grid.finer()
