@@ -348,18 +348,18 @@ class ActiveSetRod(FrictionalRod):
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
         self.loaded = loaded if self.rotation > 0.0 else 0.0
         self.mesh = Mesh(self.mesh.element, self.h.copy())
+        left_unstable = False
         if remesh and (sunk or (moved and not self._remeshing.waits)):
             finer = self._remesh(q_new, F_new, iterations, tolerance, sunk)
             if finer is not None:
                 self._remeshing.reset()
                 return finer
             self._remeshing.tried()
-            if not sunk:
-                ready = self.refactor(q_new, F_new)
-                return warm_step.ADVANCED if ready else warm_step.NOT_CONVEX, iterations, q_new, F_new
+            if not sunk and self.refactor(q_new, F_new):
+                return code, iterations, q_new, F_new
+            left_unstable = not sunk
         if moved and remesh:
             self._remeshing.skip()
-        left_unstable = False
         if self.bare:  # what it does against a drag is judged with it
             self.linearize(q_new, F_new)
             left_unstable = not self.factor(self.drag)

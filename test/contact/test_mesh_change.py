@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pytest
 
 from cable_ros import Status, Tracker, load_scene
 from cable_ros.bench.drawn import drawn_case
 from cable_ros.branch.cold_start import Found
 from cable_ros.branch.refinement import on_mesh
 from cable_ros.contact.active_set_rod import ActiveSetRod
-from cable_ros.contact.points import INTERFACE, SLIPS
+from cable_ros.contact.points import ARC_LENGTH, INTERFACE, SLIPS
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
 
@@ -112,3 +115,31 @@ def test_a_step_that_lacks_boundaries_for_its_contacts_is_taken_on_a_split_mesh(
     assert isinstance(rod, ActiveSetRod)
     assert (rod.count, len(cable.q)) == (4, len(rod.mesh.nodes))
     assert (rod.points[: rod.count, INTERFACE] >= 0.0).all()
+
+
+def test_a_step_to_what_is_unstable_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rod stayed there if no fitted mesh was found: its mesh and contacts met the shape before."""
+    case = drawn_case(156, 0, 1e-4, "beams")
+    tracker = Tracker(load_scene(case.scene, urdf=case.urdf), tolerance=case.tolerance)
+    for pose in case.path[:20]:
+        tracker.solve(pose)
+    (cable,) = tracker._tracked_cables
+    rod, q, F = cable.rod, cable.q, cable.end_force
+    assert isinstance(rod, ActiveSetRod)
+    assert rod.obstacles is not None
+    lengths, points = rod.h.copy(), rod.points[: rod.count].copy()
+    before, there, newton = (rod.qe, rod.re, rod.f, rod.obstacles), rod.re + [1e-3, 0.0, 0.0], rod._newton
+
+    def asks_for_another_mesh(*of_newton: Any) -> tuple[Any, ...]:
+        code, iterations, _, *rest = newton(*of_newton)
+        assert code == warm_step.ADVANCED
+        return code, iterations, True, *rest
+
+    monkeypatch.setattr(rod, "_newton", asks_for_another_mesh)
+    monkeypatch.setattr(rod, "_remesh", lambda *_: None)
+    monkeypatch.setattr(rod, "refactor", lambda *_: False)
+    code, _, _, _ = rod.step_in_contact(q, F, rod.qe, there, rod.f, STEP_TOLERANCE, 0.6, rod.obstacles)
+    assert code == warm_step.NOT_CONVEX
+    assert all(a is b for a, b in zip((rod.qe, rod.re, rod.f, rod.obstacles), before, strict=True))
+    assert (rod.h == lengths).all()
+    assert (rod.points[: rod.count, ARC_LENGTH] == points[:, ARC_LENGTH]).all()
