@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_ros.branch.held_ends import held_starts, load_moment
 from cable_ros.contact.distance import CENTRE, FRICTION_COEFFICIENT
-from cable_ros.contact.penalty_continuation import descend
+from cable_ros.contact.penalty_continuation import FAR, descend
 from cable_ros.contact.shortest_path import taut_strings
 from cable_ros.contact.stretching_rod import StretchingTouchingRod
 from cable_ros.contact.touching_rod import TouchingRod
@@ -203,26 +203,38 @@ class Starts:
         else:
             self._shapes = list(held_starts(sought.ends, nodes, qe, re, f, sought.target_twist, natural))
         self._strings: list[np.ndarray] | None = None  # the shortest paths past the obstacles
+        self._through: list[np.ndarray] = []  # initial shapes that soft obstacles let through
 
     @property
     def over(self) -> bool:
         """Whether all initial shapes have been tried."""
-        return not self._shapes and not self._strings
+        return not (self._shapes or self._strings or (self._through and self.found))
 
     def descend(self) -> float:
-        """Descend from the next initial shape; returns the work, iterations times unknowns."""
+        """Descend from the next initial shape; returns the work, iterations times unknowns.
+
+        In the end, shapes that soft obstacles let through begin again among stiffer ones, if others have led
+        to an equilibrium: it may not be the lowest. If none has, continuation finds lower ones, see `Search`.
+        """
         rod = self._rod()
-        rod.work = START_WORK if rod.obstacles is not None and self._shapes else LIMIT
-        left = rod.work
+        rod.work = LIMIT if rod.obstacles is None or self._strings else START_WORK
+        left, known = rod.work, len(self._seen)
         if self._shapes:
             start = aside(self._shapes.pop(0), self._mesh.nodes)
             one = settle(rod, start, np.zeros(3), SEARCH_OPTIONS)
-        else:
+            if one is None and len(self._seen) > known and not rod.soft:
+                self._through.append(start)
+        elif self._strings:
             one = self._past_obstacles(rod)
+        else:
+            assert isinstance(rod, TouchingRod)
+            one = settled(rod, descend(rod, self._through.pop(0), np.zeros(3), SEARCH_OPTIONS, FAR))
         if rod.obstacles is None and one is not None:
             rod.work -= one.iterations * rod.elastic.shape[0]
         left -= rod.work
         rod.work = np.inf
+        if isinstance(rod, TouchingRod):
+            rod.seen = None  # only starts are compared
         if one is not None:
             self._keep(one)
         stretches = rod.soft  # no descent from a path past obstacles then
@@ -274,6 +286,7 @@ class Starts:
         target_twist = self._sought.target_twist
         if target_twist is not None and not self._thorough and abs(one.twist - target_twist) < NEAR:
             self._shapes.clear()
+            self._through.clear()
 
 
 def _for_mesh(sought: Sought) -> Conditions:

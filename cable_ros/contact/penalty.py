@@ -88,10 +88,10 @@ class PenaltyProblem(SpringRows):
         rod._normal = None
         return float(rod.totals[ENERGY]) + penalty, rod.totals[:ENERGY] - rod.re, g
 
-    def to_contacts(self, x: np.ndarray) -> None:
-        """Replace the springs at x by contact points and patches with the same forces."""
+    def to_contacts(self, x: np.ndarray) -> float:
+        """Replace the springs at x by contacts with the same forces; returns the energy that they had."""
         rod = self.rod
-        self._press(x)
+        energy = self._press(x)
         points = rod.points[: rod.count]
         give_contacts(
             rod,
@@ -100,6 +100,7 @@ class PenaltyProblem(SpringRows):
             rod.samples[points[:, NUMBER].astype(int)],
             points[:, FORCE].copy(),
         )
+        return energy
 
 
 def give_contacts(

@@ -85,7 +85,7 @@ def _descend(
 ) -> tuple[np.ndarray, np.ndarray, int] | None:  # fmt: skip
     """`descend` among the rod's obstacles as they are; leaves the rod where it fails."""
     assert rod.obstacles is not None
-    before, total = rod.points[: rod.count].copy(), 0
+    before, total, energy = rod.points[: rod.count].copy(), 0, 0.0
     for stage in range(first, len(SPRINGS)):
         if rod.work <= 0.0:
             break
@@ -108,11 +108,13 @@ def _descend(
             break
         q, F = result.x, result.y
         rod.ready = False
-        if stage == (first if taut else 0) and _known(rod, q, result.objective):
+        if stage == first and _known(rod, q, result.objective):
             break
         if stage > 0 and soft.phi[:, 1:-1].min(initial=0.0) < -SUNK[min(stage, len(SUNK) - 1)]:
             break  # it has passed the obstacle's middle: the springs keep it inside
-        soft.to_contacts(q)
+        with_softer, energy = energy, soft.to_contacts(q)
+        if energy > with_softer > 0.0:
+            break  # that of springs falls as 1 / stiffness, unless the cable is through the obstacle
         _inherit(rod, before)
         if not rod.count and rod.clear(q):
             return (q, F, total) if rod.refactor(q, F) else None

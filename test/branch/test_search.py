@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,12 @@ from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case
-from cable_ros.branch import followed_equilibrium, searched_equilibrium
+from cable_ros.branch import cold_start, followed_equilibrium, searched_equilibrium
+from cable_ros.contact import penalty_continuation
+from cable_ros.contact.penalty import PenaltyProblem
+from cable_ros.contact.penalty_continuation import SPRINGS
 from cable_ros.scene import Scene
+from cable_ros.solve.trust_region import Minimum, minimize
 
 FLAT = [0.0, 0.70710678118654752, 0.0, 0.70710678118654752]
 MOST = 100
@@ -55,6 +61,40 @@ def test_pieces_end_in_the_same_bits(friction: float, monkeypatch: pytest.Monkey
     assert len(found) > 3
     assert all(np.isnan(one.end_wrench).all() for one in found[:-1])
     assert same(found[-1], whole)
+
+
+@pytest.mark.parametrize("grain", [2.0**-34, 2.0**-31, 2.0**-30, 2.0**-29])
+@pytest.mark.parametrize(
+    ("key", "energy"),
+    [
+        # soft obstacles let all but one descent through, and a stray step of one led to less energy, or not
+        ((145, 50, "tray"), 1.67598),
+        # paying out met what is unstable, and went on from its contacts in the old shape
+        ((17, 99), -1.84905),
+    ],
+)
+def test_the_same_equilibrium_wherever_its_conditions_are_rounded(
+    key: tuple[int, int] | tuple[int, int, str], energy: float, grain: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cold_start, "GRAIN", grain)
+    case = drawn_case(*key[:2], 1e-4, *key[2:])
+    found = Tracker(case_scene(case)).arrive(case.path[0])["cable"]
+    assert found.status is Status.CONVERGED
+    assert found.energy == pytest.approx(energy, rel=1e-5)
+
+
+def test_a_descent_ends_once_the_cable_is_through(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Springs that it is through take more energy as they stiffen; the stiffest took most of the work."""
+    case, stiffnesses = drawn_case(145, 50, 1e-4, "tray"), []
+
+    def recorded(problem: PenaltyProblem, *of_minimize: Any) -> Minimum:
+        stiffnesses.append(problem.stiffness)
+        return minimize(problem, *of_minimize)
+
+    monkeypatch.setattr(penalty_continuation, "minimize", recorded)
+    assert Tracker(case_scene(case)).arrive(case.path[0])["cable"].status is Status.CONVERGED
+    assert stiffnesses.count(SPRINGS[1]) > 3
+    assert SPRINGS[-1] not in stiffnesses
 
 
 def test_a_fall_in_pieces_likewise(monkeypatch: pytest.MonkeyPatch) -> None:
