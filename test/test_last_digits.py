@@ -20,6 +20,7 @@ ARCH = either_side()[0]
     ("case", "poses"),
     [
         pytest.param(contact_case(11, 4, 1e-4), 1, id="a descent of fifty zigzags"),
+        pytest.param(contact_case(19, 24, 1e-4), 1, id="a clamp that moves 30 times as far as that digit"),
         pytest.param(drawn_case(11, 57, 1e-4), 1, id="four images of one energy, of which some are found"),
         pytest.param(contact_case(77, 4, 1e-4), 2, id="a point beside a smooth patch, not far from friction"),
         pytest.param(ARCH, 2, id="a snap-through that takes a call's budget"),

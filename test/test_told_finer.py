@@ -8,10 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cable_ros import Equilibrium, Status, Tracker
+from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.bench.metamorphic import at_rate, corners
+from cable_ros.branch import tracked_equilibrium
+from cable_ros.branch.cold_start import Found
+from cable_ros.branch.snap_through import SnapThrough, left_on_refining
+from zoo import CASES
 
 Key = tuple[int, int] | tuple[int, int, str]
 """Seed, index and kind of `drawn_case`."""
@@ -41,9 +45,7 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
 @pytest.mark.parametrize(
     ("key", "poses"),
     [
-        # without friction: what a refined mesh fell to, what a margin that had not been renewed hid, and what
-        # a descent took for the branch
-        ((145, 50, "tray"), 2),
+        # without friction: what a margin that had not been renewed hid, and a descent took for the branch
         ((145, 14, "wall"), 170),
         ((145, 88, "beams"), 5),
         ((158, 133), 33),
@@ -82,9 +84,39 @@ def test_the_same_told_in_more_poses(key: Key, poses: int) -> None:
     assert apart(once, finer[::FINER]) < SAME
 
 
-def test_a_fall_as_its_mesh_is_refined_is_told() -> None:
-    """In the budget's pause beside a fold, the refined mesh was past it."""
-    assert Status.SNAPPED in [one.status for one in told((145, 50, "tray"), 2, FINER)]
+def test_a_fall_as_its_mesh_is_refined_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside a fold, where the error grows, the refined mesh is past it."""
+    refining = []
+
+    def recorded(*found: Found) -> tuple[Found, SnapThrough] | None:
+        refining.append(left_on_refining(*found))
+        return refining[-1]
+
+    monkeypatch.setattr(tracked_equilibrium, "left_on_refining", recorded)
+    case = next(one for one in CASES if one.name == "fold: snaps through and back")
+    tracker = Tracker(case_scene(case), tolerance=0.1)
+    for joints in case.path[:27]:
+        (found,) = tracker.arrive(joints).values()
+        assert found.status is Status.CONVERGED
+    for joints in refined(case.path[26:28], 1000):
+        (found,) = tracker.arrive(joints).values()
+        if any(refining):
+            break
+    assert found.status is Status.SNAPPED
+
+
+def test_a_branch_of_more_energy_falls_as_well_told_in_more_poses() -> None:
+    """Its refined mesh was past a fold that the coarse one was before."""
+    case = drawn_case(145, 50, 1e-4, "tray")
+    (cable,) = case.scene["cables"]
+    scene = load_scene({**case.scene, "cables": [{**cable, "total_twist": -4.804}]}, urdf=case.urdf)
+    once, finer = (
+        [tracker.arrive(joints)["cable"] for joints in refined(case.path[:2], parts)]
+        for tracker, parts in ((Tracker(scene), 1), (Tracker(scene), FINER))
+    )
+    assert once[0].energy == pytest.approx(2.26756, rel=1e-5)
+    assert [Status.SNAPPED in [one.status for one in path] for path in (once, finer)] == [True, True]
+    assert apart(once, finer[::FINER]) < SAME
 
 
 def test_a_hose_led_back_at_250_hz_falls_and_keeps_its_friction() -> None:

@@ -30,9 +30,10 @@ SEARCH = 1e-2
 NEAR = 0.02
 """Maximum difference of total twist, rad, from the target at which a search ends."""
 SEARCH_OPTIONS = Options(iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8)
-GRAIN = 2.0**-34
+GRAIN = 2.0**-30
 """To this, L, rad or of the weight, conditions are rounded for a search among obstacles: a descent that
-zigzags for fifty iterations makes another equilibrium of a change in the twelfth digit."""
+zigzags for fifty iterations makes another equilibrium of a change in the twelfth digit. An arm's joints move
+the clamps of a short cable by a hundred times that; `CLAMPED` is ten times the grain."""
 LIMIT = 1e9
 """Unlimited work: more than any search takes."""
 START_WORK = 60_000.0
@@ -54,7 +55,7 @@ class Conditions:
     """(n, distance.WIDTH); None: no contact."""
 
     def rounded(self) -> Conditions:
-        """These to about ten digits, on a grid whose points round numbers are not half way between."""
+        """These to about nine digits, on a grid whose points round numbers are not half way between."""
         weight = max(float(np.linalg.norm(self.f)), 1.0)
         unit = GRAIN * 2.0 ** np.ceil(np.log2(weight))
         qe, obstacles = GRAIN * np.round(self.qe / GRAIN), None
