@@ -327,12 +327,11 @@ def test_a_step_over_obstacles_that_move_takes_few_iterations(joint, step):
     """A tangent step that leaves out the motion of what it slips over took a thousand."""
     tracker = over_moving_beams()
     joints = {"across": 0.0, "along": 0.0, "turn": 0.0}
-    sliding = 0
+    slid = 0  # poses in which it slips over both
     for k in range(12):
         (found,) = tracker.solve({**joints, joint: k * step}).values()
         assert found.status is Status.CONVERGED, found.message
-        slides = sum(contact.sliding for contact in found.contacts)
-        if slides == 2 == sliding:  # Newton's method: some iterations, each of which squares the error
+        if slid > 1:  # Newton's method: some iterations, each of which squares the error
             assert found.iterations <= 8
-        sliding = slides
-    assert sliding == 2
+        slid += all(contact.sliding for contact in found.contacts)
+    assert slid > 5

@@ -135,7 +135,7 @@ def over_drum(radius: float, above: float) -> Case:
 
 
 def test_a_finer_mesh_that_cannot_be_balanced_is_not_gone_on_from(monkeypatch):
-    case, parts = over_drum(0.07, 0.006), np.linspace(0.0, 1.0, 6)
+    case, parts = over_drum(0.07, 0.006), np.linspace(0.0, 1.0, 8)
     exact, tracker, failed = case.led(parts, 1e-5)[-1], case.tracker(1e-5), []
     tracker.arrive(case.joints(0.0))
     plain = CoupledPieces._newton
