@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT
+from cable_ros.contact.laying_down import Landing
 from cable_ros.contact.nodal_contacts import Known
 from cable_ros.contact.nodal_newton import CONVERGED, state_moved
 from cable_ros.contact.nodal_response import obstacle_motions
@@ -42,8 +43,9 @@ SHORT = 1e-3
 """Step, L, in which what sticks is rigid once such a point has come down: the motion of most of what lies is
 as small as its compliance."""
 PRESSING = 5e-3
-"""Normal force, over the end force, below which such a point does not count: a light cable lies along points
-that hardly press, and come and go."""
+"""Normal force, over the end force, below which such a point counts by that part: a light cable lies along
+points that hardly press, and come and go. Where they did not count, a cable was laid flat in one step, and
+3 % of its end force were missing."""
 FRICTION_CHANGE, WRENCH_CHANGE = 0.2, 0.3
 """Maximum change in a step, on something rough: of the friction of what slips, relative to all possible
 friction, and of the end wrench. Within a step slip has one direction. Where the end force of a hose falls to
@@ -91,7 +93,7 @@ class NodalRod(NodalTwin):
             turns = self._history_stride(known)
             landed = self._landed(known.state)
             lands = stride(landed, LANDED)
-            self._lands = landed > 0 and (rigid or lands < SHORTER or distance < SHORT)
+            self._lands = landed >= 1.0 and (rigid or lands < SHORTER or distance < SHORT)
             self.stride = min(turns, lands)
             turns_far = turns < SHORTER and distance > SHORTEST_STEP
             if turns_far or (lands < SHORTER and distance > LANDED_AT_ONCE):
@@ -110,6 +112,8 @@ class NodalRod(NodalTwin):
         self.before.take(known.state)
         self._moved = True
         iterations += self._advance_twin(rigid)
+        if not self.follows:
+            self.add_error(self._left_open(known.state))
         return warm_step.ADVANCED, iterations, self.state.q.copy(), self.state.F[-1].copy()
 
     def fall_with_friction(
@@ -133,11 +137,28 @@ class NodalRod(NodalTwin):
         self._compare(twin)
         return self.shape, self.end_force, iterations + fallen
 
-    def _landed(self, before: State) -> int:
-        """Number of points that have come down on something rough since `before`, and press on it."""
-        least = PRESSING * float(np.linalg.norm(self.state.F[-1]))
-        new = (self.state.lam > least) & (before.lam == 0.0) & (self._under[:, FRICTION_COEFFICIENT] > 0.0)
-        return int(new.any(axis=1).sum()) if self.coulomb else 0
+    def _landed(self, before: State) -> float:
+        """Number of points that have come down on something rough since `before`; see PRESSING."""
+        if not self.coulomb:
+            return 0.0
+        new = (before.lam == 0.0) & (self._under[:, FRICTION_COEFFICIENT] > 0.0)
+        presses = np.where(new, self.state.lam, 0.0).max(axis=1)
+        whole = max(PRESSING * float(np.linalg.norm(self.state.F[-1])), 1e-300)
+        return float(np.minimum(presses / whole, 1.0).sum())
+
+    def _left_open(self, before: State) -> float:
+        """Friction, EI / L^2, that a step from `before` has left open; see `Landing.open`."""
+        friction = (self.state.lam * self._under[:, FRICTION_COEFFICIENT]).max(axis=1)
+        lies = friction > 0.0
+        if not self.coulomb or not lies.any() or not (before.lam > 0.0).any():
+            return 0.0
+        per_length = float(np.median(friction[lies])) * self.cells
+        return Landing(self._spans(before.lam), self._spans(self.state.lam), per_length).open
+
+    def _spans(self, lam: np.ndarray) -> np.ndarray:
+        """(2,) lengths, L, that are free beside the clamps with the normal forces `lam` (m + 1, o)."""
+        at = np.append(self.s0, 1.0)[np.flatnonzero((lam > 0.0).any(axis=1))]
+        return np.array([at[0], 1.0 - at[-1]])
 
     def _history_stride(self, before: Known) -> float:
         """`travel.stride` by what friction's history allows: how much has changed since `before`."""

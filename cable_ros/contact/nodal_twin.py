@@ -157,6 +157,11 @@ class NodalTwin(NodalAdoption):
         """Let the relative error of the end wrench be this much at least; it fades slowly."""
         self._at_least(error * self._scales())
 
+    def add_error(self, force: float) -> None:
+        """Let the end force be off by that much more, EI / L^2, by friction's history; it fades slowly."""
+        more = np.array([force, 0.0])
+        self._errors, self._history_errors = self._errors + more, self._history_errors + more
+
     def _at_least(self, errors: np.ndarray) -> None:
         """Let the errors of end force and moment be these (2,) at least."""
         self._errors = np.maximum(self._errors, errors)

@@ -80,7 +80,7 @@ def test_it_is_the_same_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("digit", [-1.0, 0.0, 1.0])
 def test_a_patch_that_turns_round(monkeypatch: pytest.MonkeyPatch, digit: float) -> None:
     """All of a cable slides and is drawn back: a step of a few 1e-4 L in which all of it turns is made."""
-    case = sideways(40.0, 0.6, 0.03)
+    case = sideways(80.0, 0.5, 0.03)
     there, back = case.path[1]["y"], case.path[2]["y"] + digit * 1e-12
     tracker = Tracker(case_scene(replace(case, tolerance=1e-4)))
     tracker.arrive(case.path[0])
