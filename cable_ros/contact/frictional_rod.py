@@ -133,6 +133,8 @@ class FrictionalRod(FixedSetRod):
             self.followed = self.followed.after_step(
                 distance, before, after, self._possible_friction(), left_open
             )
+        elif not self.has_patch:
+            self.followed = self.followed.after_slip(distance, self.unforeseen, self._possible_friction())
 
     def _possible_friction(self) -> float:
         """Sum of the friction that its contacts can bear, EI / L^2.
@@ -221,12 +223,14 @@ class FrictionalRod(FixedSetRod):
 
         At points alone, how otherwise it turns than before; along a patch, how it changes across the cable.
         """
+        self.unforeseen = 0.0
         change, possible = slip_change(self.points, self.count, obstacles)
         possible = max(possible, math.sqrt(F.dot(F)))
         if change == 0.0 or (self.has_patch and change <= SHORTER * most * possible):
             return 0.0
         if not self.has_patch:
-            return slip_bend(self.points, self.count) / possible
+            self.unforeseen, bend = slip_bend(self.points, self.count)
+            return bend / possible
         points = self.points[: self.count]
         slips = points[points[:, SLIPS] == 1.0]
         turned = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]

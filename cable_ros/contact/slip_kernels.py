@@ -90,13 +90,13 @@ def slip_change(points, count, obstacles):
 def slip_bend(points, count):
     """Sum of what slip turns otherwise in a step than it did in the one before, times friction, EI / L^2.
 
-    That much of the turn `lead` does not follow; of what it does, FOLLOWED counts. All of a turn does where
-    nothing slipped in the step before.
+    That much of the turn `lead` does not follow; all of a turn where nothing slipped in the step before.
+    Returned, too, is that sum with FOLLOWED of each turn at least.
 
     Args:
         points, count: (CAPACITY, COLUMNS) the contact points, POINT each, and their number.
     """
-    total = 0.0
+    unforeseen, total = 0.0, 0.0
     for i in range(count):
         if points[i, SLIPS] == 0.0:
             continue
@@ -113,8 +113,9 @@ def slip_bend(points, count):
                 # the turn over the second half of the step before goes on
                 one -= 2.0 * norm(slip) / long * size * (before[a] / was + slid[a] / long)
             bend += one * one
+        unforeseen += np.sqrt(bend)
         total += max(np.sqrt(bend), FOLLOWED * np.sqrt(turn))
-    return total
+    return unforeseen, total
 
 
 @njit(**LEAF)
