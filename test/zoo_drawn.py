@@ -185,7 +185,6 @@ FOUND = {
     (97, 30): "a cable drawn across a rough edge",
     (97, 34): "along two rough beams: friction at its limit",
     (100, 10): "a table edge drawn across under a cable, in five poses",
-    (100, 21): "two rough beams drawn across under a light cable",
     (100, 55): "a heavy cable slips through over two smooth beams",
     (100, 57): "a lifted hose led about: its grid becomes finer in time",
     (100, 74): "a rough beam that a cable slides over comes back",
