@@ -84,7 +84,7 @@ class ConstrainedRod(Rod):
         self.seen: list[np.ndarray] | None = None  # states that a search with several starts has found
         self.direction, self.presliding = np.zeros(3), 0.0  # see `contact_state.History`
         self.followed = NONE  # the path so far, see `PathError`
-        self.unforeseen = 0.0  # friction by which slip at points turned so in the last step, EI / L^2
+        self.unforeseen = 0.0  # of `slip_kernels.slip_bend`, in the last step
         self.bedding = self.softest_bedding = BEDDING / tolerance
         self.drag = 0.0  # see `contact_state.Options`
         self.points = np.zeros((CAPACITY, COLUMNS))

@@ -119,7 +119,7 @@ def test_what_slows_down_evenly_stops_where_its_speed_is_zero(step: float) -> No
 
 def test_a_way_that_goes_on_turning_counts_little_and_what_it_turns_otherwise_all() -> None:
     steady, counted = slip_bend(slipped(0.1, 0.2, 0.0, 0.3), 1)
-    assert steady < 0.02 * 0.1 * 0.3
+    assert steady < 1.01 * (0.1 * 0.3) ** 2  # of second order in the turn
     assert counted == pytest.approx(FOLLOWED * 0.1 * 0.3, rel=0.01)
     for slid, curve in ((0.2, 0.3), (0.0, 0.0)):
         unforeseen, counted = slip_bend(slipped(0.1, slid, 0.05, curve), 1)
