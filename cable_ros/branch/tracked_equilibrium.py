@@ -336,7 +336,8 @@ class TrackedEquilibrium(CableModel):
         """`handover.nodal`, which takes over the error of the path so far with friction's history."""
         on_grid, error = handover.nodal(rod, q, F), rod.path_error(F)
         if on_grid is not None and error > 0.0:
-            self._keep_grid_error(error)
+            # that of points refuses no pose: mostly it is told as too large
+            self._keep_grid_error(error if rod.lies else min(error, self._limit))
         return on_grid
 
     def _exactly(self, rod: NodalRod, status: Status) -> None:

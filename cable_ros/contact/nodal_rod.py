@@ -55,6 +55,8 @@ poses of hoses were not had in time, now 14."""
 OPEN = 0.5
 """Part of the friction that landing leaves open, see `Landing.open`, by which an end force is off: of a lift
 laid flat by 2 % where that is 6 %, of another one by 0.7 to 1.1 % where it is 2 to 2.7 %."""
+ENDS = np.array([0.0, 1.0])
+"""Arc lengths of the clamps, L."""
 RARE = 0.2
 """Fraction of the longest step below which a step that fails is made in a viscous medium."""
 
@@ -151,17 +153,14 @@ class NodalRod(NodalTwin):
 
     def _left_open(self, before: State) -> float:
         """Friction, EI / L^2, that a step from `before` has left open; see `Landing.open`."""
-        friction = (self.state.lam * self._under[:, FRICTION_COEFFICIENT]).max(axis=1)
-        lies = friction > 0.0
-        if not self.coulomb or not lies.any() or not (before.lam > 0.0).any():
+        lay, lies = _lies(before.lam), _lies(self.state.lam)
+        if not self.coulomb or not lay.any() or not lies.any():
             return 0.0
+        friction = (self.state.lam * self._under[:, FRICTION_COEFFICIENT]).max(axis=1)
+        places = np.append(self.s0, 1.0)
+        before_it, after_it = places[lay][[0, -1]], places[lies][[0, -1]]
         per_length = float(np.median(friction[lies])) * self.cells
-        return Landing(self._spans(before.lam), self._spans(self.state.lam), per_length).open
-
-    def _spans(self, lam: np.ndarray) -> np.ndarray:
-        """(2,) lengths, L, that are free beside the clamps with the normal forces `lam` (m + 1, o)."""
-        at = np.append(self.s0, 1.0)[np.flatnonzero((lam > 0.0).any(axis=1))]
-        return np.array([at[0], 1.0 - at[-1]])
+        return Landing(np.abs(ENDS - before_it), np.abs(ENDS - after_it), per_length).open
 
     def _history_stride(self, before: Known) -> float:
         """`travel.stride` by what friction's history allows: how much has changed since `before`."""
@@ -293,3 +292,10 @@ def restored_rod(
     qe, re, f, obstacles = known.conditions
     new.set_conditions(qe, re, f / scale, obstacles)
     return new
+
+
+def _lies(lam: np.ndarray) -> np.ndarray:
+    """(m + 1,) which boundaries are in a patch, three or more side by side with forces `lam` (m + 1, o)."""
+    pressed = np.pad((lam > 0.0).any(axis=1), 2)
+    middle = pressed[:-2] & pressed[1:-1] & pressed[2:]
+    return np.asarray(middle[:-2] | middle[1:-1] | middle[2:])
