@@ -33,9 +33,10 @@ obstacle with friction, one that stretches there, too, and any other, which most
 FALLBACK_POINTS = 1e-6
 """The same of a rod in exact contact whose step is only too large: beside a clamp a point lifts off within a
 very small step, and where it lies friction may turn as fast."""
-FALLBACK_LYING_WORK = 60_000
+FALLBACK_LYING_WORK = 45_000
 """Maximum work, iterations times unknowns, spent on one step before the first kind is replaced: about
-80 ms. With 45,000 one step that failed sent a lift onto a grid, and its end force was 1 to 3 % off."""
+60 ms. It is shortened once, whatever that took: a lift whose first one took 46,000 came onto a grid, and its
+end force was 1 to 3 % off."""
 HASTY_WORK = 20_000
 """The same if such a rod was replaced a while ago."""
 FALLBACK_WORK = 0.5
@@ -135,7 +136,7 @@ def continue_branch(
     margins: list[tuple[float, float]] = []  # fractions of the path and stability margins there
     first = _norm(F)
     forces: list[tuple[float, float]] = [(at, first)]  # of the last two equilibria, and their end forces
-    taut, in_a_row, falls = False, 0, 0
+    taut, in_a_row, failed, falls = False, 0, 0, 0  # `failed`: times since a step was taken
     given = last = rod.work  # at the start, and after the last step
     fork: float | None = None
     allowed = longest  # how long a step friction's changes in the last one allow, whether or not it is solved
@@ -169,7 +170,7 @@ def continue_branch(
             at, q, F, last = target, q_new, F_new, rod.work
             fork, rod.forked = (at if rod.forked else fork), False
             forces, taut = [forces[-1], (at, _norm(F))], False
-            in_a_row += 1
+            in_a_row, failed = in_a_row + 1, 0
             grows = count <= rod.few or in_a_row >= IN_A_ROW
             step = min(step * min(rod.stride, 2.0 if grows else 1.0), longest)
             in_a_row = 0 if grows else in_a_row
@@ -214,7 +215,8 @@ def continue_branch(
             # descents that lead away from the branch: short steps without them show whether it folds
             rod.patience, last, spent = 0, rod.work, 0.0
         tiny = step * 0.5 < smallest * longest
-        hard = tiny or spent > most
+        failed += 1
+        hard = tiny or (spent > most and (failed > 1 or not soft))
         stable = (free or fallback is None or not hard) and rod.refactor(q, F)
         lets_go = free and stable and (hard or rod.short) and rod.lets_go(q, F, EDGE * far)
         margin = rod._softest() if free and stable and fallback is not None else None
