@@ -84,6 +84,7 @@ DRAWN = {
     (159, 740): "a rough ball pushed up until a cable is taut, told 4 times as finely: 1.9 %",
     (159, 760): "a rough ball pushed up until a heavy cable is taut, told 4 times as finely: 1.7 %",
     (159, 795): "a hose lets go of the ground: with some BLAS kernels it is lost, with others it falls",
+    (162, 14): "a rough ball pushed up until a cable is taut, told 4 times as finely: 1.1 to 3.0 %",
     (11, 6): "a ball pushed down on a weightless cable until that is taut",
 }
 """By seed and index of `drawn_case`, what is amiss."""
