@@ -80,6 +80,13 @@ class Known(NamedTuple):
     """The conditions set: end frame (4,), end position (3,), load (3,) and obstacles (o, WIDTH)."""
 
 
+def in_patches(pressed: np.ndarray) -> np.ndarray:
+    """Which of the boundaries that are `pressed`, bool (m + 1, ...), are three or more side by side."""
+    padded = np.pad(pressed, ((2, 2), *((0, 0),) * (pressed.ndim - 1)))
+    threes = padded[:-2] & padded[1:-1] & padded[2:]
+    return np.asarray(threes[:-2] | threes[1:-1] | threes[2:])
+
+
 class NodalContacts(Rod):
     """A rod in units of the cable whose contacts sit at the inner boundaries of its elements.
 
@@ -190,11 +197,7 @@ class NodalContacts(Rod):
     def contacts(self) -> LoadedContacts:
         """The loaded contacts; three or more side by side are a patch, each the pressure on a cell."""
         at = np.nonzero(self.state.lam)
-        pressed = np.pad(self.state.lam != 0.0, ((2, 2), (0, 0)))
-        count = len(self.state.lam)
-        runs = [pressed[k : k + count] & pressed[k + 1 : k + 1 + count] & pressed[k + 2 : k + 2 + count]
-                for k in range(3)]  # fmt: skip
-        spread = np.where(runs[0] | runs[1] | runs[2], 1.0 / self.cells, 0.0)[at]
+        spread = np.where(in_patches(self.state.lam != 0.0), 1.0 / self.cells, 0.0)[at]
         normals, forces = self._pressed()
         arc_lengths = np.append(self.s0, 1.0)[at[0]]
         positions, sliding = self.state.r[at[0]], self.sliding()[at]

@@ -15,7 +15,7 @@ import numpy as np
 
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT
 from cable_ros.contact.laying_down import Landing
-from cable_ros.contact.nodal_contacts import Known
+from cable_ros.contact.nodal_contacts import Known, in_patches
 from cable_ros.contact.nodal_newton import CONVERGED, state_moved
 from cable_ros.contact.nodal_response import obstacle_motions
 from cable_ros.contact.nodal_state import ORDER, State
@@ -153,7 +153,7 @@ class NodalRod(NodalTwin):
 
     def _left_open(self, before: State) -> float:
         """Friction, EI / L^2, that a step from `before` has left open; see `Landing.open`."""
-        lay, lies = _lies(before.lam), _lies(self.state.lam)
+        lay, lies = (in_patches(lam.max(axis=1) > 0.0) for lam in (before.lam, self.state.lam))
         if not self.coulomb or not lay.any() or not lies.any():
             return 0.0
         friction = (self.state.lam * self._under[:, FRICTION_COEFFICIENT]).max(axis=1)
@@ -292,10 +292,3 @@ def restored_rod(
     qe, re, f, obstacles = known.conditions
     new.set_conditions(qe, re, f / scale, obstacles)
     return new
-
-
-def _lies(lam: np.ndarray) -> np.ndarray:
-    """(m + 1,) which boundaries are in a patch, three or more side by side with forces `lam` (m + 1, o)."""
-    pressed = np.pad((lam > 0.0).any(axis=1), 2)
-    middle = pressed[:-2] & pressed[1:-1] & pressed[2:]
-    return np.asarray(middle[:-2] | middle[1:-1] | middle[2:])

@@ -45,6 +45,10 @@ class PathError:
         rate = None if self.rate is None else self.rate / scale
         return PathError(self.error / scale, rate, self.possible / scale)
 
+    def _eased(self, possible: float) -> float:
+        """Part of the error that is left where the contacts can bear so much friction, EI / L^2."""
+        return possible / self.possible if possible < self.possible else 1.0
+
     def after_slip(self, distance: float, unforeseen: float, possible: float) -> PathError:
         """After a step in which it touched at points alone; see `after_step`.
 
@@ -54,7 +58,7 @@ class PathError:
         """
         if distance < STILL:
             return self
-        eased = possible / self.possible if possible < self.possible else 1.0
+        eased = self._eased(possible)
         error = eased * self.error * math.exp(-FADES * distance) + TURN_PART * unforeseen
         return PathError(min(error, LARGEST * possible), None, possible)
 
@@ -74,7 +78,7 @@ class PathError:
         if distance < STILL:
             return self
         change = after - before
-        eased = possible / self.possible if possible < self.possible else 1.0
+        eased = self._eased(possible)
         bend = change if self.rate is None else change - distance * self.rate
         # what turns back differs from the last rate by twice its change, what comes to rest by more
         size = min(float(np.linalg.norm(bend)), 2.0 * float(np.linalg.norm(after - eased * before)))
