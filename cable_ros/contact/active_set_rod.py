@@ -538,6 +538,8 @@ class ActiveSetRod(FrictionalRod):
         fresh = self.fit(q)
         assert self.obstacles is not None
         if sunk:
+            # beside a patch, too: a taut cable bends away from it within a short length
+            fresh = self.resolve(fresh, max((F, self.start_force(F)), key=np.linalg.norm))
             long = self.unresolved(fresh)
             fresh = self._onto(self.mesh.split(long), fresh) if long.any() else fresh
         fresh, F_fresh = self._let_go(fresh, F, tolerance)
