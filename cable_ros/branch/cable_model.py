@@ -49,6 +49,9 @@ class Destination(NamedTuple):
 class CableModel:
     """A cable with its properties by scene and effects; SI outside, units of the cable inside."""
 
+    _clamps = Rod.clamps
+    """Weights of the errors at its ends."""
+
     def __init__(self, cable: Cable, properties: Properties, obstacle_names: Sequence[str] = ()) -> None:
         self.name = cable.name
         self._target_twist = cable.total_twist

@@ -86,6 +86,8 @@ class Sought:
     """How the ends are held; None: clamped."""
     least: float = Rod.least
     """See `Rod.least`."""
+    clamps: tuple[float, float] = Rod.clamps
+    """See `Rod.clamps`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,14 +256,14 @@ class Starts:
             rod = HeldRod(*section, sought.ends)
         elif sought.compliance is not None and conditions.obstacles is not None:
             rod = StretchingTouchingRod(*section, sought.compliance, max(sought.tolerance, SEARCH))
-            rod.seen = self._seen
+            rod.seen, rod.least, rod.clamps = self._seen, max(rod.least, sought.least), sought.clamps
         elif sought.compliance is not None:
             rod = StretchingRod(*section, sought.compliance)
         elif conditions.obstacles is None:
             rod = Rod(*section)
         else:
             rod = TouchingRod(*section, max(sought.tolerance, SEARCH))
-            rod.seen, rod.least = self._seen, sought.least
+            rod.seen, rod.least, rod.clamps = self._seen, sought.least, sought.clamps
         rod.set_conditions(conditions.qe, conditions.re, conditions.f, conditions.obstacles)
         return rod
 

@@ -61,7 +61,7 @@ def plausible(
     for found, points, frames in shapes:
         poses = np.concatenate([points, frames], axis=1)
         clear = rows is None or min(nearest(rows, point)[0] for point in points[1:]) > 0.0
-        if clear and not piece.strains:
+        if clear and not (piece.strains and rows is None):
             yield Begin(poses[[0, -1]], found)
         if (
             not piece.stretches

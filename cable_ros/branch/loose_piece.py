@@ -24,7 +24,7 @@ from cable_ros.branch.shared_piece import Place, SharedPiece
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.overlaps import OUTLINE
 from cable_ros.contact.response import HELD
-from cable_ros.contact.touching_rod import TouchingRod
+from cable_ros.contact.shearing_rod import among_obstacles
 from cable_ros.effects.effect import Properties
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.extensible import StretchingRod
@@ -56,6 +56,8 @@ class LoosePiece(SharedPiece):
         held = replace(cable, start=start, end=end)
         self._follows = any(mount.kind in (FREE, SLIDING) for mount in cable.mounts)
         self._ends_free = cable.end.kind == FREE
+        at_start, at_end = (0.0 if mount.kind == FREE else 1.0 for mount in cable.mounts)
+        self._clamps = at_start * Rod.clamps[0], at_end * Rod.clamps[1]
         super().__init__(held, properties, tolerance, polyline_points, obstacle_names)
         load = sum(float(np.linalg.norm(mount.force)) for mount in cable.mounts) / self._units.force
         bend = sum(float(np.linalg.norm(mount.moment)) for mount in cable.mounts) / self._units.moment
@@ -97,8 +99,9 @@ class LoosePiece(SharedPiece):
         self.set_length(place.length)
         self._judged_length, self._begin = place.length, place.begin
         there = self._conditions(kinematics, joints, place.poses, IDENTITY)
-        rod = TouchingRod(hanging.rod.mesh, self._stiffness, self._natural, self.tolerance)
-        rod.least = self._counts
+        section = self._stiffness, self._natural, self._compliance
+        rod = among_obstacles(hanging.rod.mesh, *section, self.tolerance)
+        self._weigh(rod)
         rod.set_conditions(there.qe, there.re, there.f, there.obstacles)
         self._let_yield(rod, place)
         back = quaternion.conjugate(hanging.q[0])
@@ -134,8 +137,12 @@ class LoosePiece(SharedPiece):
         load = self._load
         return max(Rod.least, 0.5 * min(load, np.sqrt(load)))
 
+    def _weigh(self, rod: Rod) -> None:
+        """Tell the rod which forces count, and at which ends."""
+        rod.least, rod.clamps = self._counts, self._clamps
+
     def _take(self, found: Found, joints: np.ndarray) -> None:
-        found.rod.least = self._counts
+        self._weigh(found.rod)
         super()._take(found, joints)
 
     def _let_yield(self, rod: Rod, place: Place) -> None:

@@ -86,6 +86,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             self._sought_compliance,
             self._ends,
             self._counts,
+            self._clamps,
         )
         return self._search(Pending(Search(sought), joints, poses, loss_cause), begin)
 

@@ -38,8 +38,6 @@ from cable_ros.rod.units import relative_change
 CHANGED, SHIFTED = 0.1, 1e-3
 """Relative change of friction, and motion of a contact point along the cable, L, after which the error is
 estimated again."""
-START = 0.2
-"""Weight of an error of the start's wrench beside one of the end's."""
 RELEASED = 1e30
 """Compliance of a constraint row, L^3 / EI, that holds nothing."""
 
@@ -164,7 +162,7 @@ class FixedSetRod(ConstrainedRod):
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """(2,) relative errors of the clamps' forces where the cable lies beside them; see `clamp_error`.
 
-        An error of the start's wrench counts for a fifth: the tolerance is the end's.
+        Each counts as much as `clamps` says.
         """
         if not self.has_patch:
             return np.zeros(2)
@@ -180,7 +178,7 @@ class FixedSetRod(ConstrainedRod):
             clamp_error(s, clamp, section, grid, points, self.obstacles)
             for s, clamp in ((0.0, starts), (1.0, ends))
         ]
-        return size * np.array([START * errors[0], errors[1]])
+        return size * np.array(self.clamps) * errors
 
     def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """As `relative_error`, for friction along patches between the samples.

@@ -84,7 +84,7 @@ class TouchingRod(ActiveSetRod):
     ) -> TouchingRod:
         """A rod of this kind without contacts; `scale` as in `variant`."""
         new = TouchingRod(mesh, stiffness, natural, tolerance, self.density)
-        new.least = self.least
+        new.least, new.clamps = self.least / scale, self.clamps
         return new
 
     def for_tolerance(self, tolerance: float) -> TouchingRod:

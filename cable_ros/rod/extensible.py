@@ -67,7 +67,7 @@ class StretchingRod(Rod):
             self.compliance * scale,
         )
         new.set_conditions(self.qe, self.re, self.f / scale)
-        new.give_at_end = self.give_at_end * scale
+        new.give_at_end, new.least = self.give_at_end * scale, max(new.least, self.least / scale)
         return new
 
     @property

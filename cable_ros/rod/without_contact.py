@@ -64,6 +64,10 @@ class WithoutContact:
     adapts_mesh = False
     """Whether its steps change the lengths of the elements."""
 
+    clamps = 0.2, 1.0
+    """Weights of the errors of what start and end clamp bear beside a contact: the tolerance is the end's.
+    0 at a free end, where rounding tells which part of what bears it is said to be beside it."""
+
     longest_step = np.inf
     """Maximum motion of clamps and obstacles in one step, L."""
 
