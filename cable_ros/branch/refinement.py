@@ -21,6 +21,9 @@ SHORT = 1e-3
 """Length of elements, L, without which an equilibrium is looked for if none is found on a mesh with them."""
 SLIVER = 1e-6
 """Length, L, of an element that nothing asks for."""
+SHORTEST_ELEMENT = 1e-8
+"""Length, L, of an element that is not halved any more: a cable that lies beside a clamp may leave the
+surface 1e-6 of its length from it, and how both share what presses there is known where that is resolved."""
 
 
 def on_mesh(found: Found, mesh: Mesh) -> Found | None:
@@ -37,6 +40,7 @@ def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
     """The mesh whose elements have equal shares in an error of AIM * tolerance, by this order's rates.
 
     An element's share (energy norm squared, left by `Rod.wrench_error`) falls as its length^(2 order + 1).
+    Where the rod lies with friction its elements are only divided: others would blur what friction remembers.
     """
     order = rod.mesh.element.order
     shares = np.maximum(rod.shares, 1e-12 * rod.shares.max() + 1e-300)
@@ -48,9 +52,14 @@ def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
         size[i] = min(size[i], 3.0 * size[i - 1])
     for i in range(len(size) - 2, -1, -1):
         size[i] = min(size[i], 3.0 * size[i + 1])
-    density = np.concatenate(([0.0], np.cumsum(rod.h / size)))
-    count = max(2, int(np.ceil(density[-1])))
-    edges = np.interp(np.linspace(0.0, density[-1], count + 1), density, np.append(rod.s0, 1.0))
+    held, starts = rod.rubbed, np.append(rod.s0, 1.0)
+    size[held] = np.minimum(size, rod.h)[held]
+    edges = [0.0]
+    for part in np.split(np.arange(len(size)), np.flatnonzero(held[1:] | held[:-1]) + 1):
+        density = np.concatenate(([0.0], np.cumsum((rod.h / size)[part])))
+        count = max(2 if len(part) == len(size) else 1, int(np.ceil(density[-1])))
+        inner = np.linspace(0.0, density[-1], count + 1)
+        edges += np.interp(inner, density, starts[part[0] : part[-1] + 2])[1:].tolist()
     return Mesh(rod.mesh.element, np.diff(edges))
 
 
@@ -82,7 +91,7 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
     for _ in range(8):
         unresolved = found.rod.unresolved(found.q)
         unresolved[[0, -1]] |= found.rod.clamp_errors(found.q, found.F) > ACCEPT * tolerance
-        unresolved &= found.rod.mesh.lengths > SLIVER
+        unresolved &= found.rod.mesh.lengths > SHORTEST_ELEMENT
         if unresolved.any() and estimate <= tolerance:
             mesh = found.rod.mesh.split(unresolved)
         elif estimate > accept * tolerance:

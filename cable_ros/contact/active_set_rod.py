@@ -83,6 +83,8 @@ class ActiveSetRod(FrictionalRod):
 
     loaded: float = 0.0
     """Change of the end force since stability was judged, in EULER."""
+    still = False
+    """See `History`."""
     found_on: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     """Frames (k, 4) of the last equilibrium, lengths (j,) and starts (j,) of the elements on which it was
     found, if it lies with friction and its mesh has changed since: what sticks stays where it was there."""
@@ -126,15 +128,15 @@ class ActiveSetRod(FrictionalRod):
         if self.model != COULOMB or not points[:, FRICTION:BEFORE].any() or (points[:, KIND] != POINT).any():
             return q, F
         assert self.obstacles is not None
-        kept, mesh = self.state(), self.mesh
+        kept, mesh, followed = self.state(), self.mesh, self.followed
         total = points[:, FRICTION:BEFORE].sum(axis=0)
+        then = Mesh(mesh.element, self.h.copy()), q
         force, size = self.contact_force(), points[:, FORCE].sum()
         self.model = FRICTIONLESS
         code, _, q_new, F_new = self.correct(q, F, tolerance, SETTLES, remesh=False)
-        self.model, self.ready = COULOMB, False
+        self.model, self.ready, self.followed = COULOMB, False, followed
         left = self.points[: self.count, FRICTION:BEFORE].sum(axis=0)
-        near = code == warm_step.ADVANCED and self._rotated(q, q_new) <= SETTLES
-        near = near and float(np.abs(self.contact_force() - force).max()) <= PRESSES * size
+        near = code == warm_step.ADVANCED and self._settled(then, q_new, force, size)
         if near and np.abs(left - total).max() <= KEPT * np.abs(total).max():
             return q_new, F_new
         self.restore(kept, mesh)
@@ -254,13 +256,42 @@ class ActiveSetRod(FrictionalRod):
     def correct(
         self, q: np.ndarray, F: np.ndarray, tolerance: float, limit: float = 1.0, remesh: bool = True
     ) -> tuple[int, int, np.ndarray, np.ndarray]:
-        """`step_in_contact` under the conditions that are set, from (q, F) nearby."""
+        """`step_in_contact` under the conditions that are set, from (q, F) nearby.
+
+        Along a patch what slips goes on as it did, if that leads nowhere else: a new mesh moves it by all but
+        nothing, in any direction.
+        """
         assert self.obstacles is not None
+        asked = self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh
+        if self.lies and not self.creeps:
+            put_back, found_on, followed = self.kept(), self.found_on, self.followed
+            then = Mesh(self.mesh.element, self.h.copy()), q
+            force, size = self.contact_force(), self.points[: self.count, FORCE].sum()
+            self.still = True
+            found = self.step_in_contact(q, F, *asked)
+            self.still = False
+            if found[0] == warm_step.ADVANCED and self._settled(then, found[2], force, size):
+                return found
+            put_back()
+            self.found_on, self.followed = found_on, followed
         before = self.points[: self.count].copy()
-        found = self.step_in_contact(q, F, self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh)
+        found = self.step_in_contact(q, F, *asked)
         if found[0] == warm_step.ADVANCED:
             self._slip_on(before)
         return found
+
+    def _settled(self, then: tuple[Mesh, np.ndarray], q: np.ndarray, force: np.ndarray, size: float) -> bool:
+        """Whether the cable has settled at q (n, 4) and not gone elsewhere.
+
+        Args:
+            then: mesh and frames (k, 4) before.
+            force, size: contact force (3,) and sum of the sizes of the contact forces then.
+        """
+        if float(np.abs(self.contact_force() - force).max()) > PRESSES * size:
+            return False
+        mesh, shape = then
+        before = mesh.interpolate(shape, Mesh(mesh.element, self.h.copy()).nodes)
+        return quaternion.largest_rotation(before, q) <= SETTLES
 
     def take_samples(self) -> None:
         """Give the patches the samples of the present mesh; what slips goes on slipping."""
@@ -473,7 +504,7 @@ class ActiveSetRod(FrictionalRod):
         known = self.ready, self.settled is q
         found_on = (q, self.h, self.s0) if self.found_on is None else self.found_on
         last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then, *found_on
-        friction = self.model, self.direction, self.presliding, self.bedding, softest
+        friction = self.model, self.direction, self.presliding, self.bedding, self.still, softest
         contact = self.samples, self.depth, self.give, self.finest(), end_bubbles(self.mesh.element.order)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:

@@ -68,6 +68,8 @@ class History(NamedTuple):
     """Motion, L, that changes friction by all that is possible; 0: as little as stick allows."""
     bedding: float
     """Stiffness of stick per length along a patch, EI / L^4."""
+    still: bool
+    """Whether nothing but the mesh has changed: what slips then goes on in its direction."""
     c: np.ndarray
     """(m, g + 1, 3) the centreline of the last equilibrium."""
     closed: np.ndarray
@@ -120,7 +122,8 @@ class Options(NamedTuple):
     """(3,) see `History.direction`."""
     presliding: float
     bedding: float
-    """See `History`; so is presliding."""
+    still: bool
+    """See `History`; so are presliding and bedding."""
     softest: float
     """Presliding, L, that a step begins with, to be halved again and again; 0: none but what is asked for."""
     samples: np.ndarray

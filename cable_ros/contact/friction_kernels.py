@@ -129,17 +129,18 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
         along += force[a] * trial[a]
     norm, size = np.sqrt(norm), np.sqrt(size)
     slips = points[i, SLIPS] == 1.0
+    onward = initial or history.still
     if not slips and norm > (1.0 + ROUNDING) * cone and norm > 0.0 and not initial:
         points[i, SLIPS] = 1.0
         trial = force
         size = norm
-    elif slips and not initial and (size < (1.0 - ROUNDING) * cone or along < 0.0):
+    elif slips and not onward and (size < (1.0 - ROUNDING) * cone or along < 0.0):
         points[i, SLIPS] = 0.0
         if points[i, KIND] == POINT and norm > cone:
             # its cone has shrunk meanwhile: beyond it, it would slip on as before at once
             for a in range(3):
                 force[a] *= cone / norm
-    elif slips and initial:
+    elif slips and onward:
         trial = force
         size = norm
     if points[i, SLIPS] == 0.0 or size == 0.0:
@@ -152,7 +153,7 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
     for a in range(3):
         limit[DIRECTION + a] = trial[a] / size
     ahead = 1.0
-    if points[i, KIND] == POINT and not initial:
+    if points[i, KIND] == POINT and not onward:
         slip = points[i, SLIP : SLIP + 3]
         for a in range(3):
             slip[a] = step[a]
@@ -163,7 +164,7 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
     limit[ACROSS] = n[1] * d2 - n[2] * d1
     limit[ACROSS + 1] = n[2] * d0 - n[0] * d2
     limit[ACROSS + 2] = n[0] * d1 - n[1] * d0
-    limit[STIFFNESS] = ahead * stiffness * cone / size
+    limit[STIFFNESS] = 0.0 if history.still else ahead * stiffness * cone / size
     return not slips
 
 

@@ -11,6 +11,7 @@ from cable_ros.contact.detection import RESTING
 from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.laying_down import Landing
+from cable_ros.contact.patches import SAMPLES
 from cable_ros.contact.path_error import NONE, STILL
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -18,7 +19,9 @@ from cable_ros.contact.points import (
     FORCE,
     FRICTION,
     KIND,
+    LENGTH,
     NEAR_LIMIT,
+    NUMBER,
     OBSTACLE,
     POINT,
     SLIPS,
@@ -66,6 +69,14 @@ class FrictionalRod(FixedSetRod):
         if self.model != COULOMB or not self.has_patch:
             return False
         return bool((self._on_rough() & (self.points[: self.count, KIND] != POINT)).any())
+
+    @property
+    def rubbed(self) -> np.ndarray:
+        """(m,) see `Rod.rubbed`."""
+        out, points = super().rubbed, self.points[: self.count]
+        if self.lies:
+            out[points[points[:, LENGTH] > 0.0, NUMBER].astype(int) // SAMPLES] = True
+        return out
 
     @property
     def all_slip(self) -> bool:  # type: ignore[override]
@@ -153,11 +164,13 @@ class FrictionalRod(FixedSetRod):
         """Let what sticks along a patch yield in proportion to a short step, by its length, L.
 
         A cable that is laid flat moves ever less along itself; where it yielded as much, 5 % of its end force
-        was missing. And the less, the more a cable resists its clamps whose end force is F (3,).
+        was missing. And the less, the more a cable resists its clamps: by the larger of their forces: that
+        at the end, F (3,), is none where it is free.
         """
         if distance == 0.0 or self.creeps:
             return
-        firmer = max(1.0, SHORT_STEP / distance) * max(1.0, float(np.linalg.norm(F)) / STIFF_FORCE) ** 1.5
+        pull = max(float(np.linalg.norm(F)), float(np.linalg.norm(self.start_force(F))))
+        firmer = max(1.0, SHORT_STEP / distance) * max(1.0, pull / STIFF_FORCE) ** 1.5
         bedding = self.softest_bedding * 4.0 ** round(math.log(firmer, 4.0))
         if bedding != self.bedding:
             self.bedding, self.ready = bedding, False

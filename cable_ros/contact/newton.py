@@ -129,7 +129,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
     V, lines, totals = rows.V, rows.lines, evaluation.totals
-    model, _, _, _, softest, samples, depth, give, finest, bubbles, drag, _ = options
+    model, _, _, _, still, softest, samples, depth, give, finest, bubbles, drag, _ = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
     order = N.shape[1] - 1
@@ -158,7 +158,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         lengthen((old_c, closed, old_h, old_s0), ratio, shift)
     before = old_c, closed, old_h, old_s0, last.obstacles
     presliding = max(softest, options.presliding)
-    history = History(model, options.direction, presliding, options.bedding, *before)
+    history = History(model, options.direction, presliding, options.bedding, still, *before)
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
         for a in range(3):
@@ -296,7 +296,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         revised = count - held
         if not changed and presliding > options.presliding:
             presliding = firmer(points, count, obstacles, options, presliding)
-            history = History(model, options.direction, presliding, options.bedding, *before)
+            history = History(model, options.direction, presliding, options.bedding, still, *before)
         elif not changed:
             moved = moved or coarse(points, count, h, s0, finest) or dipping(points, count)
             if model == FRICTIONLESS and fresh and not is_minimum(factors.S, total_rows, least, worst):

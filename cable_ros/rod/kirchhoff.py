@@ -140,6 +140,11 @@ class Rod(WithoutContact):
         """(m,) which elements are too long for contact, see `ConstrainedRod`."""
         return np.zeros(len(self.h), bool)
 
+    @property
+    def rubbed(self) -> np.ndarray:
+        """(m,) which elements lie along an obstacle with friction."""
+        return np.zeros(len(self.h), bool)
+
     def suited(self, mesh: Mesh) -> Mesh:
         """The mesh with the boundaries between elements that this rod needs."""
         return mesh
