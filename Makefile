@@ -1,6 +1,7 @@
 # make setup   .venv with the package, its Jazzy wheels and the tools      make test   lint, types, all tests
 # make demo    the arm live, an MCAP log and plots in demo/                make lint   only lint and types
 # make docs    the site of docs/ in build/site/; a warning is an error
+# make test-all   every scene of tests of which make test runs some, see test/sampled.py: ten minutes more
 # make test-fast   under a minute, without ROS: at every save
 # make test-noble   what a robot with Ubuntu 24.04 runs, with the versions that it has; needs Python 3.12. Not in
 #             .ci/run: a second environment and ten minutes are more than there is time for
@@ -61,7 +62,7 @@ find_python = for python in $(PYTHON) python3 python3.12 python3.11 python3.13 p
 	"$$python" -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
 	2>/dev/null && { command -v "$$python"; break; }; done; true
 
-.PHONY: setup test test-fast test-noble robot lint docs demo clean
+.PHONY: setup test test-all test-fast test-noble robot lint docs demo clean
 
 setup: $(STAMP)
 
@@ -101,6 +102,9 @@ test: lint docs node_modules
 	$(OTHER_KERNELS) $(COMPILE) & other=$$!; $(COMPILE); compiled=$$?; wait $$other && exit $$compiled
 	$(PYTEST)
 	$(OTHER_KERNELS) $(PYTEST) -p no:cacheprovider $(CONTACT_TESTS)
+
+test-all:
+	CABLE_ROS_TESTS=all $(MAKE) test
 
 test-fast: setup
 	$(PYTEST) -q $(FAST_TESTS)

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from sampled import sampled
 
 FOLDER = Path(__file__).parent
 
@@ -57,6 +58,13 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("repeatable")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if os.environ.get("CABLE_ROS_TESTS") != "all":
+        items[:], left = sampled(items)
+        config.hook.pytest_deselected(items=left)
+
 
 STARTS_NODES = ("ros/", "cli/test_demo.py")
 """Files whose tests start nodes and wait for them: one after the other, each with a core for the node."""

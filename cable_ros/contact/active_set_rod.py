@@ -263,7 +263,7 @@ class ActiveSetRod(FrictionalRod):
         """
         assert self.obstacles is not None
         asked = self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh
-        if self.lies and not self.creeps:
+        if self.lies and not self.creeps and self.presliding == 0.0:
             put_back, found_on, followed = self.kept(), self.found_on, self.followed
             then = Mesh(self.mesh.element, self.h.copy()), q
             force, size = self.contact_force(), self.points[: self.count, FORCE].sum()

@@ -27,8 +27,8 @@ from cable_ros.contact.slip_kernels import slip_change
 
 def history(presliding: float, bedding: float) -> History:
     curve = np.zeros((1, 1, 3))
-    friction, before = (COULOMB, np.zeros(3), presliding, bedding), (curve, curve, np.ones(1), np.zeros(1))
-    return History(*friction, *before, np.zeros((0, WIDTH)))
+    friction = COULOMB, np.zeros(3), presliding, bedding, False
+    return History(*friction, curve, curve, np.ones(1), np.zeros(1), np.zeros((0, WIDTH)))
 
 
 def contact(kind: float, length: float = 0.0) -> np.ndarray:
