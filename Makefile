@@ -1,7 +1,7 @@
 # make setup   .venv with the package, its Jazzy wheels and the tools      make test   lint, types, all tests
 # make demo    the arm live, an MCAP log and plots in demo/                make lint   only lint and types
 # make docs    the site of docs/ in build/site/; a warning is an error
-# make test-all   every scene of tests of which make test runs some, see test/sampled.py: ten minutes more
+# make test-all   every scene of tests of which make test runs some, see test/sampled.py: six minutes more
 # make test-fast   under a minute, without ROS: at every save
 # make test-noble   what a robot with Ubuntu 24.04 runs, with the versions that it has; needs Python 3.12. Not in
 #             .ci/run: a second environment and ten minutes are more than there is time for
