@@ -1,4 +1,4 @@
-# make setup   .venv with the package, its Jazzy wheels and the tools      make test   lint, types, all tests
+# make setup   .venv with the package, its Jazzy wheels and the tools      make test   lint, types, tests
 # make demo    the arm live, an MCAP log and plots in demo/                make lint   only lint and types
 # make docs    the site of docs/ in build/site/; a warning is an error
 # make test-all   every scene of tests of which make test runs some, see test/sampled.py: six minutes more

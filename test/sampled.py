@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests of many scenes against a slow reference, of which `make test` runs some: it has half an hour.
 
-`make test-all` runs every one. What is left out here differs from what is run by numbers alone.
+`make test-all` runs every one. Most of what is left out differs from what is run by numbers alone; two tests,
+and the page that adds an obstacle, are left out whole.
 """
 
 from __future__ import annotations

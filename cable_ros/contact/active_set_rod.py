@@ -130,13 +130,12 @@ class ActiveSetRod(FrictionalRod):
         assert self.obstacles is not None
         kept, mesh, followed = self.state(), self.mesh, self.followed
         total = points[:, FRICTION:BEFORE].sum(axis=0)
-        then = Mesh(mesh.element, self.h.copy()), q
-        force, size = self.contact_force(), points[:, FORCE].sum()
+        then = self._state_of(q)
         self.model = FRICTIONLESS
         code, _, q_new, F_new = self.correct(q, F, tolerance, SETTLES, remesh=False)
         self.model, self.ready, self.followed = COULOMB, False, followed
         left = self.points[: self.count, FRICTION:BEFORE].sum(axis=0)
-        near = code == warm_step.ADVANCED and self._settled(then, q_new, force, size)
+        near = code == warm_step.ADVANCED and self._settled(then, q_new)
         if near and np.abs(left - total).max() <= KEPT * np.abs(total).max():
             return q_new, F_new
         self.restore(kept, mesh)
@@ -265,12 +264,11 @@ class ActiveSetRod(FrictionalRod):
         asked = self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh
         if self.lies and not self.creeps and self.presliding == 0.0:
             put_back, found_on, followed = self.kept(), self.found_on, self.followed
-            then = Mesh(self.mesh.element, self.h.copy()), q
-            force, size = self.contact_force(), self.points[: self.count, FORCE].sum()
+            then = self._state_of(q)
             self.still = True
             found = self.step_in_contact(q, F, *asked)
             self.still = False
-            if found[0] == warm_step.ADVANCED and self._settled(then, found[2], force, size):
+            if found[0] == warm_step.ADVANCED and self._settled(then, found[2]):
                 return found
             put_back()
             self.found_on, self.followed = found_on, followed
@@ -280,18 +278,16 @@ class ActiveSetRod(FrictionalRod):
             self._slip_on(before)
         return found
 
-    def _settled(self, then: tuple[Mesh, np.ndarray], q: np.ndarray, force: np.ndarray, size: float) -> bool:
-        """Whether the cable has settled at q (n, 4) and not gone elsewhere.
+    def _state_of(self, q: np.ndarray) -> tuple[Mesh, np.ndarray, np.ndarray, float]:
+        """Mesh, frames q (n, 4), contact force (3,) and sum of the sizes of the contact forces."""
+        size = float(self.points[: self.count, FORCE].sum())
+        return Mesh(self.mesh.element, self.h.copy()), q, self.contact_force(), size
 
-        Args:
-            then: mesh and frames (k, 4) before.
-            force, size: contact force (3,) and sum of the sizes of the contact forces then.
-        """
-        if float(np.abs(self.contact_force() - force).max()) > PRESSES * size:
-            return False
-        mesh, shape = then
-        before = mesh.interpolate(shape, Mesh(mesh.element, self.h.copy()).nodes)
-        return quaternion.largest_rotation(before, q) <= SETTLES
+    def _settled(self, then: tuple[Mesh, np.ndarray, np.ndarray, float], q: np.ndarray) -> bool:
+        """Whether the cable has settled at q (n, 4) and not gone elsewhere since `then`, see `_state_of`."""
+        mesh, before, force, size = then
+        same = float(np.abs(self.contact_force() - force).max()) <= PRESSES * size
+        return same and self._rotated(before, q, mesh) <= SETTLES
 
     def take_samples(self) -> None:
         """Give the patches the samples of the present mesh; what slips goes on slipping."""

@@ -164,8 +164,8 @@ class FrictionalRod(FixedSetRod):
         """Let what sticks along a patch yield in proportion to a short step, by its length, L.
 
         A cable that is laid flat moves ever less along itself; where it yielded as much, 5 % of its end force
-        was missing. And the less, the more a cable resists its clamps: by the larger of their forces: that
-        at the end, F (3,), is none where it is free.
+        was missing. And the less, the more a cable resists its clamps; that is by the larger of their
+        forces, for that at the end, F (3,), is none where it is free.
         """
         if distance == 0.0 or self.creeps:
             return
@@ -175,9 +175,13 @@ class FrictionalRod(FixedSetRod):
         if bedding != self.bedding:
             self.bedding, self.ready = bedding, False
 
-    def _rotated(self, q: np.ndarray, q_new: np.ndarray) -> float:
-        """Largest rotation of a section, rad, from q to q_new, (n, 4), whose nodes have moved along."""
-        before = self.mesh.interpolate(q, Mesh(self.mesh.element, self.h.copy()).nodes)
+    def _rotated(self, q: np.ndarray, q_new: np.ndarray, mesh: Mesh | None = None) -> float:
+        """Largest rotation of a section, rad, from q to q_new, (n, 4), whose nodes have moved along.
+
+        `mesh`: that of q, if it is not the present one.
+        """
+        then, now = self.mesh if mesh is None else mesh, Mesh(self.mesh.element, self.h.copy())
+        before = then.interpolate(q, now.nodes)
         return quaternion.largest_rotation(before, q_new)
 
     def _friction_stride(

@@ -110,8 +110,7 @@ class StretchingTouchingRod(StrainingTouchingRod):
         new = StretchingTouchingRod(
             mesh, stiffness, natural, self.compliance * scale, tolerance, self.density
         )
-        new.pull, new.clamps = self.pull / scale, self.clamps
-        new.least = max(new.least, self.least / scale)
+        new.pull = self.pull / scale
         return new
 
     def trace(self, q: np.ndarray, F: np.ndarray | None = None) -> None:

@@ -74,6 +74,7 @@ class TouchingRod(ActiveSetRod):
         new.points, new.count, new.normals = self.points.copy(), self.count, self.normals.copy()
         new.points[:, FORCE : BEFORE + 3] /= scale
         new.followed = self.followed.in_units(scale)
+        new.least, new.clamps = max(new.least, self.least / scale), self.clamps
         if mesh is not None:
             new.points[:, INTERFACE] = -1.0
             new.take_samples()
@@ -83,9 +84,7 @@ class TouchingRod(ActiveSetRod):
         self, mesh: Mesh, stiffness: np.ndarray, natural: np.ndarray, tolerance: float, scale: float
     ) -> TouchingRod:
         """A rod of this kind without contacts; `scale` as in `variant`."""
-        new = TouchingRod(mesh, stiffness, natural, tolerance, self.density)
-        new.least, new.clamps = self.least / scale, self.clamps
-        return new
+        return TouchingRod(mesh, stiffness, natural, tolerance, self.density)
 
     def for_tolerance(self, tolerance: float) -> TouchingRod:
         return self if tolerance == self.tolerance else self.variant(tolerance=tolerance)
