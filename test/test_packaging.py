@@ -85,6 +85,12 @@ def workspace(source: Path, underlay: dict[str, str], tmp_path_factory: pytest.T
     return base
 
 
+def copy_configuration(package: Path) -> None:
+    """Give a package pytest's configuration, and no tests."""
+    for name in ("conftest.py", "sampled.py"):
+        shutil.copy(ROOT / "test" / name, package / "test")
+
+
 def in_workspace(workspace: Path, env: dict[str, str], *command: str | Path) -> str:
     """Output of a command in a shell that has sourced the workspace, as a user's has."""
     script = '. "$0/install/setup.bash" && exec "$@"'
@@ -144,7 +150,7 @@ def test_a_build_without_numba_says_so_and_goes_on(
     (line,) = (line for line in said.splitlines() if "not compiled" in line)
     assert "the Python package 'numba_is_not_here' is missing" in line
     (quick / "test").mkdir(exist_ok=True)
-    shutil.copy(ROOT / "test" / "conftest.py", quick / "test")
+    copy_configuration(quick)
     test = (sys.executable, "-m", "colcon", "test", "--paths", quick)
     done = subprocess.run(test, cwd=tmp_path, env=underlay, capture_output=True, check=False)
     assert done.returncode
@@ -164,7 +170,7 @@ def test_colcon_runs_the_tests_and_fails_with_them(
 ) -> None:
     folder = source / "test" / "ros"
     folder.mkdir(parents=True)
-    shutil.copy(ROOT / "test" / "conftest.py", source / "test")
+    copy_configuration(source)
     colcon = (sys.executable, "-m", "colcon")
     env = clean | {"COLCON_LOG_PATH": str(workspace / "log")}
     for outcome, summary in (
