@@ -260,6 +260,14 @@ FOUND = {
     (155, 2, "beams"): "heavy, flat on a smooth beam whose edges come to where it lifts off, until it falls",
     (156, 0, "beams"): "a heavy cable comes to touch two smooth beams twice each, on three elements",
     (154, 18, "beams"): "a heavy cable over a low narrow beam, cold: a light one falls to rest on it",
+    (158, 21): "over a rough drum: slip that turns by 0.2 rad in a step",
+    (159, 104): "a light cable on a rough drum: friction turns by a tenth of the end force",
+    (159, 622): "a heavy cable on a rough ball: slip turns ever faster",
+    (162, 235): "up and down a rough drum: slip turns by 0.4 rad in a step",
+    (162, 332): "a weightless cable over rough beams: slip turns in a step",
+    (159, 612): "a heavy cable over a rough edge: with its friction given it is all but free to slide",
+    (115, 58): "a leg that sticks in a rough corner: with its friction given it is all but free to slide",
+    (162, 127): "pulled over a rough corner: with its friction given it is all but free to slide",
 }
 """By seed, index and kind of `drawn_case`: scenes that benchmarks/drawn.py has found, and that failed."""
 DRAWN: tuple[Case, ...] = (

@@ -18,6 +18,7 @@ from cable_ros.bench.contact_checks import (
     Surface,
     contact_fault,
     grid_error,
+    held_in_place,
     let_go,
     pull_fault,
     sliding_fault,
@@ -102,7 +103,7 @@ class Step:
     def impossible(self) -> bool:
         """Whether it was said that the cable is too short for any equilibrium, and rightly."""
         return (
-            (self.equilibrium.status is Status.OUT_OF_REACH or says_taut(self.equilibrium))
+            (self.equilibrium.status is Status.OUT_OF_REACH or says_pulled(self.equilibrium))
             and self.fault is None
             and self.paths is not None
             and self.paths.too_long
@@ -191,6 +192,8 @@ def judge(
     if on_grid:
         tolerance = max(TOLD * grid_error(equilibrium), CELLS)
     if found.wrench_error > tolerance:
+        found = held_in_place(rod, equilibrium, tolerance, reported) or found
+    if found.wrench_error > tolerance:
         return found, f"end wrench off by {found.wrench_error:.1e}, asked for {tolerance:.0e}"
     if found.start_wrench_error > START_FACTOR * tolerance:
         return found, f"start wrench off by {found.start_wrench_error:.1e}, asked for {tolerance:.0e}"
@@ -261,6 +264,12 @@ def solve_step(
 def says_taut(answer: Equilibrium) -> bool:
     """Whether the answer is that an obstacle has pulled the cable taut, so that its branch has an end."""
     return answer.status is Status.NOT_CONVERGED and "is taut around" in answer.message
+
+
+def says_pulled(answer: Equilibrium) -> bool:
+    """Whether it says that, or that the end force rises so steeply that it could not be followed."""
+    pulled = answer.status is Status.NOT_CONVERGED and "is pulled around" in answer.message
+    return pulled or says_taut(answer)
 
 
 def reach_fault(answer: Equilibrium, paths: PathBounds, length: float) -> str | None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cable_ros.bench import shooting
 from cable_ros.bench.shooting import Touch
 from cable_ros.bench.surfaces import Derivatives, Distance, curvature, derivatives, distance, gradient
 from cable_ros.bench.verification import Rod, Verification, bend_layer, verify
@@ -253,6 +254,50 @@ def let_go(
     points = found.shape.points[1:-1]
     deepest = min(float(surface.signed(points).min()) for surface in met.values() if surface.solid)
     return found if deepest > -DEPTH * rod.length else None
+
+
+def held_in_place(
+    rod: Rod, claim: Equilibrium, tolerance: float, touches: Sequence[Touch]
+) -> Verification | None:
+    """The true equilibrium with its rubbing points where they are said to be; None if other forces hold them.
+
+    With its friction given, a cable may be all but free to slide: what changes the force by a millionth then
+    moves the true equilibrium by a thousandth. With its points given it is not; their forces must be those
+    told, to the `tolerance`, parts of the largest.
+    """
+    rubbing = [c for c in claim.contacts if c.length == 0.0 and c.friction.any()]
+    if not rubbing:
+        return None
+    unit = float(np.mean(rod.stiffness[:2])) / rod.length**2
+    held = [
+        Touch(
+            contact.arc_length / rod.length,
+            _plane((contact.position - rod.start[:3]) / rod.length, axis),
+            float(contact.force @ axis) / unit,
+            np.zeros(3),
+            slides=False,
+        )
+        for contact in rubbing
+        for axis in np.eye(3)
+    ]
+    others = [touch for touch in touches if not (touch.holds and touch.friction.any())]
+    both = sorted([*others, *held], key=lambda touch: touch.place)
+    found = verify(rod, claim, both)
+    if not found.converged:
+        return None
+    forces = [found.normal_forces[[one is touch for touch in both]] for one in held]
+    off = np.ravel(forces) - np.ravel([contact.force for contact in rubbing])
+    largest = max(float(np.linalg.norm(contact.force)) for contact in claim.contacts)
+    return found if np.linalg.norm(off) <= tolerance * largest else None
+
+
+def _plane(point: np.ndarray, normal: np.ndarray) -> shooting.Surface:
+    """Distances of points (k, 3) from a plane, with their gradients and Hessians."""
+
+    def at(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return (r - point) @ normal, np.broadcast_to(normal, r.shape), np.zeros((len(r), 3, 3))
+
+    return at
 
 
 def _pulls(rod: Rod, found: Verification, touches: Sequence[Touch]) -> tuple[np.ndarray, np.ndarray]:

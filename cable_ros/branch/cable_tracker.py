@@ -11,10 +11,10 @@ import numpy as np
 
 from cable_ros.branch.followed_equilibrium import FollowedEquilibrium
 from cable_ros.branch.property_change import Section, follow, with_section
-from cable_ros.branch.searched_equilibrium import ALGEBRAIC
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.effects.effect import Properties
 from cable_ros.equilibrium import Equilibrium, Status
+from cable_ros.rod.kirchhoff import ALGEBRAIC
 from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
 

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.branch.results import Reader
-from cable_ros.branch.searched_equilibrium import ALGEBRAIC
 from cable_ros.branch.shared_piece import Kept, Place, SharedPiece
 from cable_ros.branch.strand_springs import Strands, StrandSprings
 from cable_ros.contact.active_set_rod import ActiveSetRod
@@ -21,6 +20,7 @@ from cable_ros.contact.report import contact_table
 from cable_ros.effects.effect import Properties
 from cable_ros.linalg.cross import cross
 from cable_ros.rod import warm_step
+from cable_ros.rod.kirchhoff import ALGEBRAIC
 from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
 

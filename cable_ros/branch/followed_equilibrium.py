@@ -17,7 +17,7 @@ from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, continue_branch
 from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.branch.refinement import MOST_ELEMENTS, better_mesh, on_mesh, refine, without_slivers
-from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY, SearchedEquilibrium
+from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.friction_kernels import COULOMB, SLIDING
 from cable_ros.contact.shortest_path import gets_taut
@@ -25,7 +25,7 @@ from cable_ros.contact.travel import travel
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.kirchhoff import ALGEBRAIC, Rod
 from cable_ros.rod.rod_state import TWIST
 from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics

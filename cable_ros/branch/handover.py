@@ -235,10 +235,14 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     F, friction = rod.end_force, Friction.of(rod)
     new.model, new.presliding = COULOMB, PRESLIDING
     for solve in range(SOLVES):
-        q = _shape(rod, new.mesh)  # as far as the last solve led, its friction was wrong
         friction.give(new)
         new.ready = False
-        code, _, q, F = new.correct(q, F, SETTLE.step_tolerance)
+        # as far as the last solve led, its friction was wrong
+        code, _, q_new, F_new = new.correct(_shape(rod, new.mesh), F, SETTLE.step_tolerance)
+        if code != warm_step.ADVANCED and solve > 0:
+            # but around an edge its points may have come far from the grid's
+            code, _, q_new, F_new = new.correct(q, F, SETTLE.step_tolerance)
+        q, F = q_new, F_new
         if code != warm_step.ADVANCED or (solve > 0 and friction.slides_on(new)):
             break
     new.presliding, new.ready = 0.0, False

@@ -19,7 +19,7 @@ import numpy as np
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.held_ends import ends_of
 from cable_ros.branch.results import Reader
-from cable_ros.branch.searched_equilibrium import ALGEBRAIC, IDENTITY
+from cable_ros.branch.searched_equilibrium import IDENTITY
 from cable_ros.branch.shared_piece import Place, SharedPiece
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.overlaps import OUTLINE
@@ -28,7 +28,7 @@ from cable_ros.contact.shearing_rod import among_obstacles
 from cable_ros.effects.effect import Properties
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.extensible import StretchingRod
-from cable_ros.rod.kirchhoff import NOTHING, Rod
+from cable_ros.rod.kirchhoff import ALGEBRAIC, NOTHING, Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.units import relative
 from cable_ros.scene import Cable, Kinematics

@@ -19,13 +19,11 @@ from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.shearing_rod import without_shear
 from cable_ros.equilibrium import Equilibrium, Status
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.kirchhoff import ALGEBRAIC, Rod
 from cable_ros.scene import Kinematics
 
 FREE_COLD_WORK = 300_000
 """Budget of a search without obstacles, iterations times unknowns: about 250 ms at 0.8 us."""
-ALGEBRAIC = 1e-3
-"""Fraction of the tolerance at which Newton's method stops: negligible beside the discretisation error."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 

@@ -17,7 +17,6 @@ from cable_ros.branch.coupling import Ends, Section
 from cable_ros.branch.held_ends import ends_of
 from cable_ros.branch.mirror_image import GRID
 from cable_ros.branch.results import Reader, Tangent, both_wrenches
-from cable_ros.branch.searched_equilibrium import ALGEBRAIC
 from cable_ros.branch.snap_through import FALL_WORK, pushed, snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.active_set_rod import ActiveSetRod
@@ -31,7 +30,7 @@ from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.held_rod import HeldRod
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.kirchhoff import ALGEBRAIC, Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.units import Units
 from cable_ros.rod.without_contact import SAME, SHORTEST_STEP

@@ -23,7 +23,7 @@ from cable_ros.contact.viscous_flow import flow
 from cable_ros.rod import warm_step
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh
-from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.kirchhoff import ALGEBRAIC, Rod
 from cable_ros.solve.trust_region import Options
 
 BETWEEN = 2.0
@@ -133,6 +133,9 @@ class TouchingRod(ActiveSetRod):
         self, q: np.ndarray, F: np.ndarray, tolerance: float
     ) -> tuple[np.ndarray, np.ndarray, int] | None:
         """The equilibrium beside (q, F) by Newton's method from the present contacts, or None."""
+        if self.model == COULOMB:
+            # where forces of 1e4 EI / L^2 rub, rounding is above 1e-10 of them
+            tolerance = max(tolerance, ALGEBRAIC * self.tolerance)
         q_let, F_let = self._let_go(q, F, tolerance)
         code, iterations, q_new, F_new = self.correct(q_let, F_let, tolerance)
         return (q_new, F_new, iterations) if code == warm_step.ADVANCED else None

@@ -19,6 +19,8 @@ from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.without_contact import NOTHING, WithoutContact
 from cable_ros.solve.trust_region import Options, minimize
 
+ALGEBRAIC = 1e-3
+"""Fraction of the tolerance at which Newton's method stops: negligible beside the discretisation error."""
 ORDER = 6
 """Order of the elements: at 1e-4 to 1e-8 the cheapest of 3 to 8 (docs/precision.md)."""
 

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -225,11 +227,12 @@ HARD = {
     "taut, at 3700 EI / L^2": (126, 32, None, 18),
     "a patch about to part": (158, 461, "wall", 4),
     "a loop at rest on an edge": (110, 22, None, 12),
+    "all but free to slide with its friction given": (162, 127, None, 6),
 }
 
 
-@pytest.mark.parametrize("name", HARD)
-def test_hard_answers_are_verified_and_wrong_ones_beside_them_are_not(name: str) -> None:
+def hard(name: str) -> tuple[Rod, dict[str, Surface], Callable[..., Equilibrium]]:
+    """A rod, its obstacles, and the tracker's answer for another linear density, relative."""
     seed, index, kind, pose = HARD[name]
     case = drawn_case(seed, index, 1e-4, kind)
     scene, joints = case_scene(case), case.path[pose]
@@ -249,6 +252,12 @@ def test_hard_answers_are_verified_and_wrong_ones_beside_them_are_not(name: str)
         answers = [answered(tracker, there)[0][cable.name] for there in case.path[: pose + 1]]
         return answers[-1]
 
+    return rod, met, answer
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_hard_answers_are_verified_and_wrong_ones_beside_them_are_not(name: str) -> None:
+    rod, met, answer = hard(name)
     claim = answer()
     assert judge(rod, claim, 1e-4, met)[1] is None
     wrong = replace(claim, end_wrench=claim.end_wrench * (1.0 + 2e-4))
@@ -259,6 +268,17 @@ def test_hard_answers_are_verified_and_wrong_ones_beside_them_are_not(name: str)
     wrong = replace(claim, _touching=lambda: SimpleNamespace(contacts=lambda: fewer))
     assert judge(rod, wrong, 1e-4, met)[1] is not None
     assert judge(rod, answer(1.1), 1e-4, met)[1] is not None
+
+
+def test_points_held_in_place_need_the_friction_that_is_told() -> None:
+    rod, met, answer = hard("all but free to slide with its friction given")
+    claim = answer()
+    assert verify(rod, claim, touches(rod, met, claim)).wrench_error > 5e-4
+    less = [replace(one, force=one.force - 1e-3 * one.friction) for one in claim.contacts]
+    aside = [replace(one, position=one.position + [0.0, 1e-4 * rod.length, 0.0]) for one in claim.contacts]
+    for contacts in (less, aside):
+        wrong = replace(claim, _touching=partial(SimpleNamespace, contacts=partial(tuple, contacts)))
+        assert "end wrench off" in (judge(rod, wrong, 1e-4, met)[1] or "")
 
 
 @pytest.mark.parametrize("off", [1e-3, -1e-4])
