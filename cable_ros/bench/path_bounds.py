@@ -49,6 +49,8 @@ STEPS = 200
 ROUNDS, GAIN = 10, 1e-5
 """Maximum number of times a string is respaced and pulled again, since nodes may catch at an edge; minimum
 gain of energy for another time."""
+PLANAR = 1e-6
+"""Distance from a plane, L, of a shape that lies in it: what rounding makes of symmetry, not more."""
 CAUGHT = 0.01
 """Relative excess of the bound over the length of a string that is caught inside an obstacle."""
 CLEARANCES = (1e-4, 3e-4, 1e-3)
@@ -122,7 +124,12 @@ def path_bounds(
 def pulled_taut(
     shape: np.ndarray, start: np.ndarray, end: np.ndarray, length: float, obstacles: Mapping[str, Distance]
 ) -> PathBounds:
-    """The same for the paths that a cable can be pulled to from its `shape` (n, 3), m, the ends moved."""
+    """The same for the paths that a cable can be pulled to from its `shape` (n, 3), m, the ends moved.
+
+    A shape in a plane across an axis is pulled within that plane, by symmetry, if nothing pushes it out.
+    """
+    flat = np.ptp(shape, axis=0) < PLANAR * length
+    shape = np.where(flat, start, shape)
     scaled = _Distances(start, length, list(obstacles.values()))
     at = np.linspace(0.0, 1.0, len(shape))[:, None]
     moved = shape + (1.0 - at) * (start - shape[0]) + at * (end - shape[-1])

@@ -10,7 +10,7 @@ import pytest
 
 from cable_ros import Status
 from cable_ros.bench.cases import Case, Outcome, Step, reach_fault, run_case
-from cable_ros.bench.path_bounds import PathBounds, path_bounds
+from cable_ros.bench.path_bounds import PathBounds, path_bounds, pulled_taut
 from cable_ros.bench.robustness import Tally
 from cable_ros.bench.surfaces import Distance, distance
 from cable_ros.scene.obstacles import Box, Obstacle, Plane, Shape, Sphere
@@ -60,6 +60,19 @@ def test_whether_a_cable_is_long_enough(part: float, says: tuple[bool, bool]) ->
     ball = Sphere(0.5 * (START + END), 0.8)
     paths = path_bounds(START, END, part * round_ball(0.8, 0.0), among(ball))
     assert (paths.too_long, paths.fits) == says
+
+
+@pytest.mark.parametrize(("aside", "too_long"), [(0.0, True), (1e-9, True), (1e-3, False)])
+def test_a_string_in_a_plane_of_symmetry_is_pulled_within_it(aside: float, too_long: bool) -> None:
+    """Over the far side of a ball, 2.49 m long; if it may slide off sideways it gets as short as 1.85 m."""
+    ball = Sphere(0.5 * (START + END) + np.array([0.3, 0.0, 0.0]), 0.5)
+    z = np.linspace(-1.0, 1.0, 201)[:, None]
+    rounding = 1e-10 * np.random.default_rng(0).normal(size=z.shape)
+    over = np.hstack([np.cos(0.5 * np.pi * z), aside * np.cos(0.5 * np.pi * z) + rounding, 0.9 * z])
+    over[[0, -1], 1] = 0.0
+    paths = pulled_taut(0.5 * (START + END) + over, START, END, 2.0, among(ball))
+    assert paths.too_long == too_long
+    assert paths.lower * 2.0 == pytest.approx(round_ball(0.5, -0.3 if too_long else 0.3), abs=2e-4)
 
 
 def test_round_the_nearest_edge_of_a_box() -> None:
