@@ -97,7 +97,7 @@ DRAWN = {
     (163, 529): "heavy, over smooth beams: a grid's error is too large at four poses",
     (163, 535): "heavy, over a smooth edge: the start's wrench is off by 5.5e-4, asked for 5e-4",
     (163, 630): "a rough ball pushed up until a cable is taut: a grid's error is too large at 14 poses",
-    (163, 633): "over rough beams pushed up and down: it is said to stick and has moved 2.8e-3 L, at 20 poses",
+    (163, 633): "over rough beams pushed up and down: what is said to stick has moved 2.8e-3 L, 20 poses",
     (11, 6): "a ball pushed down on a weightless cable until that is taut",
 }
 """By seed and index of `drawn_case`, what is amiss."""
