@@ -216,7 +216,6 @@ FOUND = {
     (115, 131): "a loop slides up over an edge, whose contact lets go and alone held it",
     (115, 140): "a lift without friction, laid flat: it leaves the ground just before its clamp",
     (115, 260): "a lift without friction, laid down: its contact runs into the clamp",
-    (115, 283): "a lift without friction, laid down: its pressure ripples beside the clamp",
     (116, 47): "a lift without friction led aside: the judge kept it to where it was told to lift off",
     (116, 81): "across a rough beam on a grid: how deep its edge cuts in",
     (116, 277): "a heavy cable over two smooth beams, cold: found as a light one that is loaded",

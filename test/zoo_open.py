@@ -45,6 +45,7 @@ DRAWN = {
     (123, 41): "over a smooth edge: at a fold the way on is not found, and the branch is lost",
     (123, 58): "beams pushed up under a rough cable until it is taut: the branch is lost on a finer path",
     (123, 59): "a weightless cable on a rough tray: a grid's error is too large",
+    (115, 283): "a smooth lift laid flat: beside its clamp 1.6e-4 off at one pose, with some BLAS kernels",
     (130, 11): "a weightless cable on a rough table: it slides 2.9e-4 L the way its friction pushes",
     (130, 55): "a smooth lift: the branch is lost on a finer path only",
     (130, 111): "a rough lift in 199 poses: a grid's error, 5.04 %, is too large for the second",
