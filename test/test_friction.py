@@ -322,16 +322,16 @@ def over_moving_beams() -> Tracker:
     return Tracker(load_scene(scene, urdf=f'<robot name="beams">{urdf}</robot>'))
 
 
-@pytest.mark.parametrize(("joint", "step"), [("across", 0.005), ("along", 0.002), ("turn", 0.01)])
+@pytest.mark.parametrize(("joint", "step"), [("across", 0.005), ("along", 0.001), ("turn", 0.005)])
 def test_a_step_over_obstacles_that_move_takes_few_iterations(joint, step):
     """A tangent step that leaves out the motion of what it slips over took a thousand."""
     tracker = over_moving_beams()
     joints = {"across": 0.0, "along": 0.0, "turn": 0.0}
     slid = 0  # poses in which it slips over both
-    for k in range(12):
+    for k in range(16):
         (found,) = tracker.solve({**joints, joint: k * step}).values()
         assert found.status is Status.CONVERGED, found.message
-        if slid > 1:  # Newton's method: some iterations, each of which squares the error, for a step or two
-            assert found.iterations <= 16
+        if slid > 1:  # Newton's method: some iterations, each of which squares the error
+            assert found.iterations <= 8
         slid += all(contact.sliding for contact in found.contacts)
     assert slid > 5

@@ -101,7 +101,7 @@ class Step:
 
     @property
     def impossible(self) -> bool:
-        """Whether it was said that the cable is too short for any equilibrium, and rightly."""
+        """Whether it was said that the cable is too short for an equilibrium, or pulled taut, and rightly."""
         return (
             (self.equilibrium.status is Status.OUT_OF_REACH or says_pulled(self.equilibrium))
             and self.fault is None
@@ -267,7 +267,7 @@ def says_taut(answer: Equilibrium) -> bool:
 
 
 def says_pulled(answer: Equilibrium) -> bool:
-    """Whether it says that, or that the end force rises so steeply that it could not be followed."""
+    """Whether the answer is that, or that its end force rises so steeply that it could not be followed."""
     pulled = answer.status is Status.NOT_CONVERGED and "is pulled around" in answer.message
     return pulled or says_taut(answer)
 

@@ -85,7 +85,7 @@ def grid_error(claim: Equilibrium) -> float:
 def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[Touch]:
     """The claimed contacts as verification takes them; pressure as many forces side by side."""
     length = rod.length
-    unit = float(np.mean(rod.stiffness[:2])) / length**2
+    unit = rod.force_unit
     cell = min(CELL * length, LAYER * bend_layer(rod, claim))
 
     def surface(one: Surface):  # type: ignore[no-untyped-def]
@@ -268,12 +268,11 @@ def held_in_place(
     rubbing = [c for c in claim.contacts if c.length == 0.0 and c.friction.any()]
     if not rubbing:
         return None
-    unit = float(np.mean(rod.stiffness[:2])) / rod.length**2
     held = [
         Touch(
             contact.arc_length / rod.length,
             _plane((contact.position - rod.start[:3]) / rod.length, axis),
-            float(contact.force @ axis) / unit,
+            float(contact.force @ axis) / rod.force_unit,
             np.zeros(3),
             slides=False,
         )

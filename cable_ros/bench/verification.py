@@ -42,6 +42,11 @@ class Rod:
     """(7,) pose of the end clamp."""
 
     @property
+    def force_unit(self) -> float:
+        """EI / L^2 with the mean EI, N: verification's unit of force."""
+        return float(np.mean(self.stiffness[:2])) / self.length**2
+
+    @property
     def gravity_number(self) -> float:
         """Weight against bending stiffness, w L^3 / EI with the smaller EI."""
         return float(np.linalg.norm(self.weight) * self.length**3 / np.min(self.stiffness[:2]))

@@ -237,7 +237,7 @@ def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     for solve in range(SOLVES):
         friction.give(new)
         new.ready = False
-        # as far as the last solve led, its friction was wrong
+        # from the grid's shape: as far as the last solve led, its friction was wrong
         code, _, q_new, F_new = new.correct(_shape(rod, new.mesh), F, SETTLE.step_tolerance)
         if code != warm_step.ADVANCED and solve > 0:
             # but around an edge its points may have come far from the grid's

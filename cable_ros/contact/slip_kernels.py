@@ -26,8 +26,7 @@ from cable_ros.contact.points import (
 )
 
 FOLLOWED = 0.3
-"""Part of a turn that counts even if `lead` follows it: a tenth of a radian in a step, over which it fades by
-4 %."""
+"""Part of a turn that counts even if `lead` follows it: 0.05 rad in a step, over which it fades by 1 %."""
 SLIPPED = 0.9
 """Least friction before a step, over that after it, of a point that slipped then too, and has only turned."""
 
