@@ -14,8 +14,10 @@ from zoo_make import SKEW, cable
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.batch import solve_many
 from cable_ros.bench.carriage import on_carriage
+from cable_ros.bench.cases import case_scene
+from cable_ros.bench.drawn import drawn_case
 from cable_ros.branch import followed_equilibrium
-from cable_ros.contact.active_set_rod import DENSE
+from cable_ros.contact.newton import DENSE, LEAST_WORK
 from cable_ros.contact.touching_rod import TouchingRod
 from cable_ros.rod import warm_step
 from cable_ros.scene import Scene
@@ -169,6 +171,20 @@ def test_work_is_counted() -> None:
     assert found.iterations > 0
     each = rod.elastic.shape[0] + rod.rows**2 / DENSE
     assert followed_equilibrium.WORK - rod.work == pytest.approx(found.iterations * each, abs=1e-6)
+
+
+def test_a_cable_that_gets_taut_takes_little_more_than_its_budget() -> None:
+    """On a rough ball, drawn taut beyond 1e6 EI / L^2: a finer mesh would take 700 constraint rows.
+
+    A solve may take LEAST_WORK when the budget is used up, and twice so much if it begins soft after that.
+    """
+    case = drawn_case(163, 29, 1e-4)
+    tracker = Tracker(case_scene(case))
+    for joints in case.path[:12]:
+        tracker.arrive(joints)
+        rod = tracker._tracked_cables[0].rod
+        assert isinstance(rod, TouchingRod)
+        assert rod.work > -2.0 * LEAST_WORK
 
 
 def test_a_step_that_uses_up_the_budget_does_not_lose_the_branch(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -266,6 +266,9 @@ FOUND = {
     (162, 332): "a weightless cable over rough beams: slip turns in a step",
     (159, 612): "a heavy cable over a rough edge: with its friction given it is all but free to slide",
     (115, 58): "a leg that sticks in a rough corner: with its friction given it is all but free to slide",
+    (163, 225): "a rough lift: on a new mesh stick and slip changed in many places",
+    (164, 1293): "a rough table: on a new mesh stick and slip changed in many places",
+    (164, 1159): "weightless, on a rough table: on a new mesh what stuck slid by a thousandth of the length",
     (162, 127): "pulled over a rough corner: with its friction given it is all but free to slide",
 }
 """By seed, index and kind of `drawn_case`: scenes that benchmarks/drawn.py has found, and that failed."""

@@ -82,11 +82,14 @@ def grid_error(claim: Equilibrium) -> float:
     return 0.0 if "followed in steps" in claim.message else claim.error_estimate
 
 
-def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> list[Touch]:
-    """The claimed contacts as verification takes them; pressure as many forces side by side."""
+def touches(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium, fineness: int = 1) -> list[Touch]:
+    """The claimed contacts as verification takes them; pressure as many forces side by side.
+
+    `fineness`: how many times as many as mostly.
+    """
     length = rod.length
     unit = rod.force_unit
-    cell = min(CELL * length, LAYER * bend_layer(rod, claim))
+    cell = min(CELL * length, LAYER * bend_layer(rod, claim)) / fineness
 
     def surface(one: Surface):  # type: ignore[no-untyped-def]
         def at(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -227,6 +230,23 @@ def contact_fault(rod: Rod, met: Mapping[str, Surface], claim: Equilibrium) -> s
         if deepest < -max(DEPTH, GRID_DEPTH * grid_error(claim)):
             return f"{-deepest:.1e} L inside {name}"
     return None
+
+
+def balance_fault(rod: Rod, claim: Equilibrium, tolerance: float) -> str | None:
+    """Whether what contacts and both ends are said to bear is not the weight, to the relative `tolerance`.
+
+    What lies finds its pressure again whatever was told of it.
+    """
+    if any(contact.other_arc_length is not None for contact in claim.contacts):
+        return None  # a cable's own strands push each other
+    ends = [
+        Rotation.from_quat(pose[3:]).apply(wrench[:3])
+        for pose, wrench in ((rod.start, claim.start_wrench), (rod.end, claim.end_wrench))
+    ]
+    forces = [*ends, -rod.length * rod.weight, *(-contact.force for contact in claim.contacts)]
+    largest = max(float(np.linalg.norm(force)) for force in forces)
+    left = float(np.linalg.norm(np.sum(forces, axis=0)))
+    return f"forces do not balance by {left:.2e} N" if left > tolerance * largest else None
 
 
 def pull_fault(rod: Rod, found: Verification, touches: Sequence[Touch]) -> str | None:

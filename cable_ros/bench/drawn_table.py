@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -169,15 +169,22 @@ def poses(drawn: Drawn) -> list[str]:
     return out
 
 
-def publish(drawn: Sequence[Drawn], page: Path | None, facts: str) -> bool:
-    """Print failures and the table, and write it into `page` where there is one; whether all is good."""
-    counts = count(drawn)
+def publish(drawn: Iterable[Drawn], page: Path | None, facts: str) -> bool:
+    """Print failures and the table, and write it into `page` where there is one; whether all is good.
+
+    No scene is kept: what became of 2,000 takes more memory than a robot has.
+    """
+    counts = count(map(_told, drawn))
     table = markdown_table(HEAD, [each.row(name) for name, each in counts.items()])
-    for one in drawn:
-        for line in lines(one):
-            print(line)
     statuses = ", ".join(f"{name} {n}" for name, n in counts[ALL].statuses.most_common())
     print(f"\n{table}\n\n{statuses}\n")
     if page is not None:
         write_between(page, "drawn", f"{facts}.\n\n{table}\n")
     return counts[ALL].good
+
+
+def _told(drawn: Drawn) -> Drawn:
+    """The same, whose failures are printed."""
+    for line in lines(drawn):
+        print(line, flush=True)
+    return drawn

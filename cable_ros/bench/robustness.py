@@ -74,15 +74,14 @@ def run(args: argparse.Namespace) -> int:
     ):
         touching.add(outcome)
     tallies = [tally for tally in (cold, tracked, touching) if tally.answers]
-    drawn = [
-        run_drawn(drawn_case(args.seed, i, args.tolerance))
-        for i in _progress(range(args.drawn), args.drawn, "drawn")
-    ]
     print("\n\n".join(tally.report(args.seed) for tally in tallies))
     facts = f"Seed {args.seed}, tolerance {args.tolerance:g}; " + ", ".join(
         f"{name} {fact}" for name, fact in describe().items()
     )
-    drawn_good = not drawn or drawn_table.publish(drawn, args.markdown, facts)
+    drawn = (run_drawn(drawn_case(args.seed, i, args.tolerance)) for i in range(args.drawn))
+    drawn_good = not args.drawn or drawn_table.publish(
+        _progress(drawn, args.drawn, "drawn"), args.markdown, facts
+    )
     if not tallies:
         return 0 if drawn_good else 1
     rows = [tally.row() for tally in tallies]

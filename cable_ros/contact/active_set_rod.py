@@ -13,7 +13,7 @@ from cable_ros.contact.edges import across_edges
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.frictional_rod import FrictionalRod
 from cable_ros.contact.meshing import CLOSEST, fitted, layered
-from cable_ros.contact.newton import active_set_newton
+from cable_ros.contact.newton import active_set_newton, iteration_work
 from cable_ros.contact.patches import resample
 from cable_ros.contact.path_error import STILL
 from cable_ros.contact.points import (
@@ -44,10 +44,13 @@ FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR
 """How a step ends that may be solved in another way."""
 GOES = 3e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
-KEPT, SETTLES, PRESSES = 1e-3, 0.05, 0.02
+KEPT, SETTLES, PRESSES = 1e-3, 0.05, 0.005
 """Maximum relative change of the total friction as contacts change on a new mesh, rotation of a section, rad,
 and relative change of the contact forces: what friction holds may be far from where it would be without, and
 an edge that it rolls over may be near."""
+EASY_STILL = 12
+"""Maximum number of iterations in which what slips along a patch goes on as it did: in more of them stick and
+slip have changed in many places."""
 FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 """Maximum rotation of a section in a step with friction: multiple of that in the tangent step, rad per motion
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
@@ -59,6 +62,9 @@ STAYS_SOFT = 1 / 256
 """Part of that which points keep, at which no rounding decides whether they stick or slip."""
 LANDED_AT_ONCE = 1e-4
 """Length of a step, L, above which nothing may come down in one that has to begin with a soft stick."""
+FEWEST, SPARE_WORK = 3, 20_000.0
+"""Number of iterations that a solve on another mesh takes at least, and work that they may take however
+little is left."""
 MANY = 8
 """Number of iterations in which rounding may lead out of a plane."""
 TURN_BACK = 0.5
@@ -70,8 +76,6 @@ EULER, LOADED = 4.0 * np.pi**2, 0.5
 """Force that buckles a straight cable between its clamps, EI / L^2; and the part of the stability margin that
 the end force may have changed by, over that, before stability is judged: what is pressed hardly turns first.
 """
-DENSE = 45.0
-"""The square of this number of constraint rows takes as long as one unknown of the band: 2 us."""
 Solved = tuple[int, int, bool, float, float, np.ndarray, np.ndarray]
 """What `ActiveSetRod._newton` returns."""
 
@@ -116,7 +120,7 @@ class ActiveSetRod(FrictionalRod):
     @property
     def iteration_work(self) -> float:
         """With the present mesh and contacts."""
-        return self.elastic.shape[0] + self.rows**2 / DENSE
+        return float(iteration_work(self.elastic.shape[0], self.rows))
 
     def _let_go(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
         """The equilibrium (q, F) on a fresh mesh with the friction that it had: what sticks moves with it.
@@ -268,7 +272,8 @@ class ActiveSetRod(FrictionalRod):
             self.still = True
             found = self.step_in_contact(q, F, *asked)
             self.still = False
-            if found[0] == warm_step.ADVANCED and self._settled(then, found[2]):
+            easy = found[0] == warm_step.ADVANCED and found[1] <= EASY_STILL
+            if easy and self._settled(then, found[2]):
                 return found
             put_back()
             self.found_on, self.followed = found_on, followed
@@ -502,11 +507,12 @@ class ActiveSetRod(FrictionalRod):
         last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then, *found_on
         friction = self.model, self.direction, self.presliding, self.bedding, self.still, softest
         contact = self.samples, self.depth, self.give, self.finest(), end_bubbles(self.mesh.element.order)
+        limits = self.drag, float(self.least), float(self.work)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
             code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(
                 last, conditions, obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
-                (*friction, *contact, self.drag, float(self.least)), control, (q_new, F_new),
+                (*friction, *contact, *limits), control, (q_new, F_new),
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned, foreseen = warm_step.NOT_CONTRACTING, 0, False, np.inf, 0.0
@@ -559,7 +565,8 @@ class ActiveSetRod(FrictionalRod):
     ) -> tuple[int, int, np.ndarray, np.ndarray] | None:
         """The equilibrium (q, F) on a mesh fitted to its contact points; None if it is not found.
 
-        If it has `sunk` in, the elements that are too long for that are halved as well.
+        If it has `sunk` in, the elements that are too long for that are halved as well; what is left of the
+        budget must allow for that.
         """
         old, kept = self.mesh, self.state()
         fresh = self.fit(q)
@@ -569,6 +576,10 @@ class ActiveSetRod(FrictionalRod):
             fresh = self.resolve(fresh, max((F, self.start_force(F)), key=np.linalg.norm))
             long = self.unresolved(fresh)
             fresh = self._onto(self.mesh.split(long), fresh) if long.any() else fresh
+            rows = kept[1] / len(old.lengths) * len(self.h) * (1 if self.model == FRICTIONLESS else 3)
+            if FEWEST * iteration_work(self.elastic.shape[0], rows) > max(self.work, SPARE_WORK):
+                self.restore(kept, old)
+                return None
         fresh, F_fresh = self._let_go(fresh, F, tolerance)
         code, more, q_new, F_new = self.correct(fresh, F_fresh, tolerance, 0.6, remesh=False)
         self.rotation = 0.0

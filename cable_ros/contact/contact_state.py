@@ -140,6 +140,8 @@ class Options(NamedTuple):
     """Of a viscous medium that resists the rotations in this step, over the elastic stiffness; mostly 0."""
     least: float
     """Force, EI / L^2, that counts as nothing beside the end force; see `Rod.least`."""
+    work: float
+    """Left for the solve, as `newton.iteration_work` counts it."""
 
 
 class Strain(NamedTuple):

@@ -70,6 +70,11 @@ STILL = 1e-11
 """Rotations in an iteration, rad, below which points may go on changing between stick and slip."""
 ROUNDING = 10.0
 """Steps that stagnate below this multiple of the tolerance are rounding error."""
+DENSE, MANY_ROWS = 45.0, 200.0
+"""The square of this number of constraint rows takes as long as one unknown of the band, 2 us; and the number
+from which on they cost as its third power."""
+LEAST_WORK = 80_000.0
+"""Work that a solve may take however little is left, see `iteration_work`: 160 ms."""
 MOST_IN_ALL, MOST_FROM_SOFT = 75, 120
 """Beyond this many iterations the active set is assumed to cycle; the same where presliding is halved."""
 
@@ -129,7 +134,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
     V, lines, totals = rows.V, rows.lines, evaluation.totals
-    model, _, _, _, still, softest, samples, depth, give, finest, bubbles, drag, _ = options
+    model, _, _, _, still, softest, samples, depth, give, finest, bubbles, drag, _, budget = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
     order = N.shape[1] - 1
@@ -173,6 +178,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     copy(F, F_new)
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[q.shape[0] - 1]), qe))
     total, rounds, size, step, scale, foreseen = 0, 0, 0.0, 0.0, 1.0, 0.0
+    worked, most = 0.0, max(budget, LEAST_WORK)
     friction = np.empty((points.shape[0], 3))
     small, swaps = factors.S, np.empty(0, np.int64)
     tangent, moved = True, False  # `tangent`: the tangent step, which moves the end
@@ -260,7 +266,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             turned = max(felt, ends)
             step = max(turned, change / scale)
             if not tangent:
-                total += 1
+                total, worked = total + 1, worked + iteration_work(n, total_rows)
                 rate = max(min(step / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, rotation)
                 # the constraint rows may hold the direction of friction too stiffly
                 trusted = rate if steady or full else max(rate, 0.5)
@@ -277,7 +283,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                     # the shape hardly depends on how neighbouring samples share their force
                     step, converged = turned, True
                     break
-                if iteration > 12 and stagnates and model == FRICTIONLESS:
+                if worked > most or (iteration > 12 and stagnates and model == FRICTIONLESS):
                     return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
             tangent = False
             size = step
@@ -314,6 +320,12 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             return ADVANCED, total, count, total_rows, moved, 0.0 if fresh else rotation, foreseen
         size, rate, holds = 0.0, 0.0, False
     return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
+
+
+@njit(**LEAF)
+def iteration_work(unknowns, rows):
+    """What an iteration costs beside one unknown of a rod without constraints, of which each takes 2 us."""
+    return unknowns + rows * rows / DENSE * max(rows / MANY_ROWS, 1.0)
 
 
 @njit(**LEAF)

@@ -227,6 +227,8 @@ HARD = {
     "taut, at 3700 EI / L^2": (126, 32, None, 18),
     "a patch about to part": (158, 461, "wall", 4),
     "a loop at rest on an edge": (110, 22, None, 12),
+    "pressure that steepens towards the clamp": (164, 1497, None, 10),
+    "a heavy cable lifted off a rough table": (164, 1330, None, 17),
     "all but free to slide with its friction given": (162, 127, None, 6),
 }
 
