@@ -42,7 +42,8 @@ contacts cell by cell, from which they are taken here."""
 START_FACTOR = 5.0
 """The tolerance is the end wrench's; the start's own, which may be much smaller, may be this much worse."""
 FINER_PRESSURE = 3, 9
-"""How many times as many forces make up the pressure where with as many as mostly an answer seems wrong."""
+"""How many times as many forces make up the pressure, and as near to each other hold the cable, where with as
+many as mostly an answer seems wrong."""
 MOVED = 1e-9
 """Motion of the end, parts of the length, that has a direction."""
 TRUSTED = (Status.CONVERGED, Status.SNAPPED)
@@ -182,7 +183,7 @@ def judge(
     found, fault = _compared(rod, equilibrium, tolerance, met)
     if fault is not None and any(contact.length > 0.0 for contact in equilibrium.contacts):
         for fineness in FINER_PRESSURE:
-            # how the pressure goes on between its samples is this judge's own reading
+            # how the pressure goes on between its samples, and where it holds, is this judge's own reading
             found, fault = _compared(rod, equilibrium, tolerance, met, fineness)
             if fault is None:
                 break
@@ -192,9 +193,9 @@ def judge(
 def _compared(
     rod: Rod, equilibrium: Equilibrium, tolerance: float, met: Mapping[str, Surface], fineness: int = 1
 ) -> tuple[Verification, str | None]:
-    """`judge`, of an answer that is finite and keeps out of obstacles; `fineness`: of `touches`."""
+    """`judge`, of an answer that is outside of obstacles; `fineness`: of `touches` and `verify`."""
     reported = sorted(touches(rod, met, equilibrium, fineness), key=lambda touch: touch.place)
-    found = verify(rod, equilibrium, reported)
+    found = verify(rod, equilibrium, reported, fineness=fineness)
     # as reported, contacts of cells push; found again, neighbours trade forces that nothing distinguishes
     on_grid = grid_error(equilibrium) > tolerance
     fault = None if on_grid else pull_fault(rod, found, reported)

@@ -103,17 +103,19 @@ def bend_layer(rod: Rod, claim: Equilibrium) -> float:
 
 
 def verify(
-    rod: Rod, claim: Equilibrium, touches: Sequence[Touch] = (), *, iterations: int = 25
+    rod: Rod, claim: Equilibrium, touches: Sequence[Touch] = (), *, iterations: int = 25, fineness: int = 1
 ) -> Verification:
     """Refine `claim` to the true equilibrium beside it and compare.
 
     Uses only `points`, `orientations` and `start_wrench` of the claim as the start of Newton's
     method; raises nothing: a claim with non-finite numbers is simply not converged.
+
+    `fineness`: how many times as near to each other as mostly touches hold the rod.
     """
     claimed = (claim.points, claim.orientations, claim.start_wrench, claim.end_wrench)
     if not all(np.all(np.isfinite(a)) for a in claimed):
         return _failed(0)
-    distance = float(np.clip(bend_layer(rod, claim) / rod.length, ENDS, ALONE))
+    distance = float(np.clip(bend_layer(rod, claim) / rod.length, ENDS, ALONE)) / fineness
     reported, touches = touches, apart(touches, distance)
     tries = [refine(rod, *claimed, touches, iterations=iterations)]
     if any(touch.slides for touch in touches) and not tries[0].converged:

@@ -453,10 +453,10 @@ class ActiveSetRod(FrictionalRod):
         self, q: np.ndarray, F: np.ndarray, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...],
         failed: Solved, distance: float, before: tuple[Any, Mesh],
     ) -> tuple[int, Solved]:  # fmt: skip
-        """Solve a step that has failed once more, with a stick that is soft at first.
+        """Solve a step that has failed once more, with a stick that is soft at first, as firm as ever then.
 
-        Along a patch it gets as firm as ever. Points stay a little soft: where they come to rest, a step may
-        have no solution in which each sticks or slips.
+        Points of a rod that is tentative stay a little soft: where they come to rest, a step may have no
+        solution in which each sticks or slips.
 
         Args:
             q, F, goal, factors: as of `_newton`.
@@ -467,12 +467,13 @@ class ActiveSetRod(FrictionalRod):
         Returns:
             Iterations in vain, and what the last attempt ended in.
         """
-        lies = self.lies
-        if self.creeps or not (lies or (self.tentative and distance <= SHORT)):
+        touched = distance <= SHORT if self.tentative else before[0][1] > 0
+        if self.creeps or self.model != COULOMB or not (self.lies or touched):
             return 0, failed
+        stays_soft = self.tentative and not self.lies
         self.restore(*before)
         softest, asked, self.ready = max(distance, LEAST_SOFT), self.presliding, False
-        if not lies:
+        if stays_soft:
             self.presliding = max(asked, STAYS_SOFT * softest)
         found = self._newton(q, F, goal, factors, softest)
         self.presliding = asked

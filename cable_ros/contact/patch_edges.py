@@ -12,7 +12,6 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
-from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.interfaces import SHARPER, SHORTEST, gap_at, sharpest_at
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -20,6 +19,7 @@ from cable_ros.contact.points import (
     BEFORE,
     FIRST,
     FORCE,
+    FRICTION,
     INTERFACE,
     KIND,
     LAST,
@@ -27,6 +27,7 @@ from cable_ros.contact.points import (
     POINT,
     SAMPLE,
     SHIFT,
+    SLIPS,
     add,
     remove,
 )
@@ -44,7 +45,7 @@ AGAIN = 0.25
 
 @njit(**INNER)
 def meet_edges(shape, f, obstacles, spacing, depths, points, count):
-    """Hold the ends of smooth patches at edges; make a point and a shorter patch, or one of both again.
+    """Hold the ends of patches at edges; make a point and a shorter patch, or one of both again.
 
     A cable that lies up to an edge, and would lift off a distance e beyond it, stands off the face along
     d = 2 sqrt(P e / p), where P is the force at the edge and p the pressure. No small d is found by steps
@@ -67,7 +68,7 @@ def meet_edges(shape, f, obstacles, spacing, depths, points, count):
     changed, i = False, 0
     while i < count:
         o, kind = int(points[i, OBSTACLE]), points[i, KIND]
-        if kind < FIRST or obstacles[o, FRICTION_COEFFICIENT] > 0.0:
+        if kind < FIRST:
             i += 1
             continue
         gap_at(shape, points[i, ARC_LENGTH], obstacles[o], at)
@@ -97,6 +98,10 @@ def meet_edges(shape, f, obstacles, spacing, depths, points, count):
                 points[i, FORCE] += 0.75 * load
                 count = add(points, count, o, edge - out * off, kind)
                 points[count - 1, FORCE], points[count - 1, AT_EDGE] = 0.25 * load, max(pressure, 0.0)
+                share = points[count - 1, FORCE] / max(points[i, FORCE], 1e-300)
+                for a in range(3):
+                    points[count - 1, FRICTION + a] = share * points[i, FRICTION + a]
+                points[count - 1, SLIPS] = points[i, SLIPS]
                 changed = True
         elif point >= 0 and pressure > 0.0 and abs(points[point, ARC_LENGTH] - s) < spacing:
             bends = bends_over(shape, obstacles[o], s, points[point, ARC_LENGTH])
