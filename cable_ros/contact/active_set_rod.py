@@ -45,9 +45,9 @@ FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR
 GOES = 3e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
 KEPT, SETTLES, PRESSES = 1e-3, 0.05, 0.005
-"""Maximum relative change of the total friction as contacts change on a new mesh, rotation of a section, rad,
-and relative change of the contact forces: what friction holds may be far from where it would be without, and
-an edge that it rolls over may be near."""
+"""Maximum relative change of friction and contact forces on a new mesh with friction as it was, rotation of a
+section, rad, and relative change of contact forces that go on as they did: what friction holds may be far from
+where it would be without, and an edge that it rolls over may be near."""
 EASY_STILL = 12
 """Maximum number of iterations in which what slips along a patch goes on as it did: in more of them stick and
 slip have changed in many places."""
@@ -139,7 +139,7 @@ class ActiveSetRod(FrictionalRod):
         code, _, q_new, F_new = self.correct(q, F, tolerance, SETTLES, remesh=False)
         self.model, self.ready, self.followed = COULOMB, False, followed
         left = self.points[: self.count, FRICTION:BEFORE].sum(axis=0)
-        near = code == warm_step.ADVANCED and self._settled(then, q_new)
+        near = code == warm_step.ADVANCED and self._settled(then, q_new, KEPT)
         if near and np.abs(left - total).max() <= KEPT * np.abs(total).max():
             return q_new, F_new
         self.restore(kept, mesh)
@@ -288,10 +288,15 @@ class ActiveSetRod(FrictionalRod):
         size = float(self.points[: self.count, FORCE].sum())
         return Mesh(self.mesh.element, self.h.copy()), q, self.contact_force(), size
 
-    def _settled(self, then: tuple[Mesh, np.ndarray, np.ndarray, float], q: np.ndarray) -> bool:
-        """Whether the cable has settled at q (n, 4) and not gone elsewhere since `then`, see `_state_of`."""
+    def _settled(
+        self, then: tuple[Mesh, np.ndarray, np.ndarray, float], q: np.ndarray, most: float = PRESSES
+    ) -> bool:
+        """Whether the cable has settled at q (n, 4) and not gone elsewhere since `then`, see `_state_of`.
+
+        `most`: relative change of the contact forces.
+        """
         mesh, before, force, size = then
-        same = float(np.abs(self.contact_force() - force).max()) <= PRESSES * size
+        same = float(np.abs(self.contact_force() - force).max()) <= most * size
         return same and self._rotated(before, q, mesh) <= SETTLES
 
     def take_samples(self) -> None:
