@@ -268,7 +268,6 @@ FOUND = {
     (115, 58): "a leg that sticks in a rough corner: with its friction given it is all but free to slide",
     (123, 59): "a weightless cable on a rough tray: two points that stick and slip in turn",
     (130, 114): "a rough tray pushed up: points that stick and slip in turn",
-    (135, 51): "a rough ball pushed up until the cable is taut: points that stick and slip in turn",
     (159, 39): "a rough tray pushed up: what lies comes to an edge",
     (163, 434): "a weightless cable on a tray that is slid along: a new mesh moved what stuck",
     (164, 1293): "a rough table: on a new mesh stick and slip changed in many places",

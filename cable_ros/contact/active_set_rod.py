@@ -45,9 +45,9 @@ FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR
 GOES = 3e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
 KEPT, SETTLES, PRESSES = 1e-3, 0.05, 0.005
-"""Maximum relative change of friction and contact forces on a new mesh with friction as it was, rotation of a
-section, rad, and relative change of contact forces that go on as they did: what friction holds may be far from
-where it would be without, and an edge that it rolls over may be near."""
+"""Maximum relative change of friction and contact forces on a new mesh with friction as it was, rotation of
+a section, rad, and relative change of contact forces that go on as they did: what friction holds may be far
+from where it would be without, and an edge that it rolls over may be near."""
 EASY_STILL = 12
 """Maximum number of iterations in which what slips along a patch goes on as it did: in more of them stick and
 slip have changed in many places."""
