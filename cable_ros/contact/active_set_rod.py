@@ -582,7 +582,8 @@ class ActiveSetRod(FrictionalRod):
             fresh = self.resolve(fresh, max((F, self.start_force(F)), key=np.linalg.norm))
             long = self.unresolved(fresh)
             fresh = self._onto(self.mesh.split(long), fresh) if long.any() else fresh
-            rows = kept[1] / len(old.lengths) * len(self.h) * (1 if self.model == FRICTIONLESS else 3)
+            each = 1 if self.model == FRICTIONLESS else 3
+            rows = each * round(kept[1] / len(old.lengths) * len(self.h))
             if FEWEST * iteration_work(self.elastic.shape[0], rows) > max(self.work, SPARE_WORK):
                 self.restore(kept, old)
                 return None

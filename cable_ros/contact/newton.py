@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, LEAF, njit
+from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
 from cable_ros.contact.detection import dipping, flatten, release, update_active_set
@@ -322,9 +322,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
 
 
-@njit(**LEAF)
+@njit(**LEAF_ENTRY)
 def iteration_work(unknowns, rows):
-    """What an iteration costs beside one unknown of a rod without constraints, of which each takes 2 us."""
+    """Cost of an iteration, in unknowns of a rod without constraints, each of which takes 2 us."""
     return unknowns + rows * rows / DENSE * max(rows / MANY_ROWS, 1.0)
 
 

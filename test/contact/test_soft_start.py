@@ -13,6 +13,7 @@ from zoo_hose import sideways
 
 from cable_ros import Tracker, load_scene
 from cable_ros.bench.cases import case_scene
+from cable_ros.bench.drawn import drawn_case
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.rod.warm_step import ADVANCED, NOT_CONTRACTING, TOO_FAR
 
@@ -75,6 +76,26 @@ def test_it_is_the_same_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
     found = forces(8)
     assert len(alone.soft) > 20
     assert apart(expected, found) < 1e-4
+
+
+def test_points_that_press_against_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cable on both edges of a rough beam: of two points one sticks, and which changed in a cycle."""
+    case = drawn_case(172, 65, 1e-4, "beams")
+    tracker, alone = Tracker(case_scene(case)), []
+    newton = ActiveSetRod._newton
+
+    def solve(rod: ActiveSetRod, q: Any, F: Any, goal: Any, factors: Any, softest: float = 0.0) -> Any:
+        points = not rod.lies
+        found = newton(rod, q, F, goal, factors, softest)
+        if softest > 0.0 and points:
+            alone.append(found[0])
+        return found
+
+    monkeypatch.setattr(ActiveSetRod, "_newton", solve)
+    for joints in case.path[:6]:
+        (found,) = tracker.arrive(joints).values()
+        assert found.status.trusted, found.message
+    assert alone.count(ADVANCED) > 0.5 * len(alone) > 2.0
 
 
 @pytest.mark.parametrize("digit", [-1.0, 0.0, 1.0])
