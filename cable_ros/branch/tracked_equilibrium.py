@@ -343,11 +343,11 @@ class TrackedEquilibrium(CableModel):
     def _exactly(self, rod: NodalRod, status: Status) -> None:
         """Take the equilibrium without the grid's error, if one is found beside it.
 
-        With friction, this is tried only at poses that are asked for, and less and less often the sooner the
-        cable was on its grid again.
+        With friction, this is tried only at poses that are asked for, but for the finest grid, which may come
+        late for good, and less and less often the sooner the cable was on its grid again.
         """
         rubs = rod.rubs
-        if rubs and (status is Status.UNFINISHED or self._passing):
+        if rubs and (status is Status.UNFINISHED or self._passing) and rod.cells < MOST:
             return
         if rubs and self._off_grid.waits and self._estimate <= self._limit:
             self._off_grid.skip()
