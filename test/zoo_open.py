@@ -77,10 +77,7 @@ DRAWN = {
     (162, 97): "a weightless cable on a rough drum: on a finer path a contact is said to stick and has slid",
     (162, 318): "heavy, over a rough beam, told in 4 times as many poses: 2.7 % at one pose, beside a fold",
     (162, 359): "on a smooth table: where it hardly presses it lifts off and lies in turn, at one pose",
-    (
-        163,
-        43,
-    ): "a heavy rough lift turns back, told in 4 times as many poses: 2 % with some BLAS kernels",
+    (163, 43): "a heavy rough lift turns back, told in 4 times as many poses: 2 % with some kernels",
     (163, 132): "a heavy rough lift: a contact slides 1.5e-3 L the way its friction pushes, at one pose",
     (163, 189): "over a smooth beam: a pose is just on a fold, and rounding tells whether it has snapped",
     (163, 220): "a heavy rough lift: a grid's error is 5.0 % at one pose, then 1.1 %",

@@ -41,9 +41,9 @@ TOLD, CELLS = 1.5, 3e-2
 contacts cell by cell, from which they are taken here."""
 START_FACTOR = 5.0
 """The tolerance is the end wrench's; the start's own, which may be much smaller, may be this much worse."""
-FINER_PRESSURE = 3, 9
-"""How many times as many forces make up the pressure, and as near to each other hold the cable, where with as
-many as mostly an answer seems wrong."""
+FINENESS = 1, 3, 9
+"""How many times as many forces as mostly make up the pressure, and as near to each other hold the cable, in
+turn while an answer seems wrong."""
 MOVED = 1e-9
 """Motion of the end, parts of the length, that has a direction."""
 TRUSTED = (Status.CONVERGED, Status.SNAPPED)
@@ -180,18 +180,17 @@ def judge(
     fault = contact_fault(rod, met, equilibrium)
     if fault is not None:
         return None, fault
-    found, fault = _compared(rod, equilibrium, tolerance, met)
-    if fault is not None and any(contact.length > 0.0 for contact in equilibrium.contacts):
-        for fineness in FINER_PRESSURE:
-            # how the pressure goes on between its samples, and where it holds, is this judge's own reading
-            found, fault = _compared(rod, equilibrium, tolerance, met, fineness)
-            if fault is None:
-                break
+    lies = any(contact.length > 0.0 for contact in equilibrium.contacts)
+    for fineness in FINENESS if lies else FINENESS[:1]:
+        # how the pressure goes on between its samples, and where it holds, is this judge's own reading
+        found, fault = _compared(rod, equilibrium, tolerance, met, fineness)
+        if fault is None:
+            break
     return found, fault or balance_fault(rod, equilibrium, tolerance)
 
 
 def _compared(
-    rod: Rod, equilibrium: Equilibrium, tolerance: float, met: Mapping[str, Surface], fineness: int = 1
+    rod: Rod, equilibrium: Equilibrium, tolerance: float, met: Mapping[str, Surface], fineness: int
 ) -> tuple[Verification, str | None]:
     """`judge`, of an answer that is outside of obstacles; `fineness`: of `touches` and `verify`."""
     reported = sorted(touches(rod, met, equilibrium, fineness), key=lambda touch: touch.place)

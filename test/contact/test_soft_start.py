@@ -26,17 +26,24 @@ FEW = 6
 
 
 class Solves:
-    """Counts the solves of a rod by how they ended, and refuses those that begin soft, or the others."""
+    """Counts the solves of a rod by how they ended, and refuses those that begin soft, or the others.
+
+    `soft_points`: of those that begin soft the ones of points alone.
+    """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, soft: bool, firm: bool = True) -> None:
         self.soft: list[int] = []
+        self.soft_points: list[int] = []
         self.firm: list[int] = []
         newton = ActiveSetRod._newton
 
         def solve(rod: ActiveSetRod, q: Any, F: Any, goal: Any, factors: Any, softest: float = 0.0) -> Any:
             if not (soft if softest > 0.0 else firm or not rod.lies):
                 return NOT_CONTRACTING, 0, False, np.inf, 0.0, q, F
+            points = not rod.lies
             found = newton(rod, q, F, goal, factors, softest)
+            if softest > 0.0 and points:
+                self.soft_points.append(found[0])
             (self.soft if softest > 0.0 else self.firm).append(found[0])
             # as few iterations either way: steps are as long as these are few
             return found if firm else (found[0], min(found[1], FEW), *found[2:])
@@ -81,21 +88,11 @@ def test_it_is_the_same_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_points_that_press_against_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     """A cable on both edges of a rough beam: of two points one sticks, and which changed in a cycle."""
     case = drawn_case(172, 65, 1e-4, "beams")
-    tracker, alone = Tracker(case_scene(case)), []
-    newton = ActiveSetRod._newton
-
-    def solve(rod: ActiveSetRod, q: Any, F: Any, goal: Any, factors: Any, softest: float = 0.0) -> Any:
-        points = not rod.lies
-        found = newton(rod, q, F, goal, factors, softest)
-        if softest > 0.0 and points:
-            alone.append(found[0])
-        return found
-
-    monkeypatch.setattr(ActiveSetRod, "_newton", solve)
+    tracker, solves = Tracker(case_scene(case)), Solves(monkeypatch, soft=True)
     for joints in case.path[:6]:
         (found,) = tracker.arrive(joints).values()
         assert found.status.trusted, found.message
-    assert alone.count(ADVANCED) > 0.5 * len(alone) > 2.0
+    assert solves.soft_points.count(ADVANCED) > 0.5 * len(solves.soft_points) > 2.0
 
 
 @pytest.mark.parametrize("digit", [-1.0, 0.0, 1.0])
