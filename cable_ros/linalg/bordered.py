@@ -17,6 +17,8 @@ from cable_ros.linalg import banded, dense
 
 SINGULAR = 1e-11
 """Factors with a worse pivot have lost their digits."""
+ROUNDING = 1e-13
+"""Error of the complement's eigenvalues, relative to its largest entry."""
 NEUTRAL = 1e-6
 """Part of the elastic stiffness that is always added to the Hessian: an equilibrium that may turn freely, as
 that of a round weightless rod about the line of its clamps, then counts as stable, and can be followed."""
@@ -211,10 +213,10 @@ def kkt_factor(tangents, mu, order, factors, V, W, skew, delta, reach, give, cou
     """
     least, worst = kkt_matrix(tangents, mu, order, factors, V, delta, reach, give, count, equalities)
     S = factors.S
+    if not skew or worst <= SINGULAR:
+        return is_minimum(S, count, least, worst)
     positive = dense.positive(S[:count, :count])
     unstable = positive - least
-    if not skew or worst <= SINGULAR:
-        return worst > SINGULAR and unstable == 0
     complement(V, W, False, count, order, factors)
     give_way(S, reach, give, delta, count)
     small, swaps = complement_factors(S, count)
@@ -247,8 +249,26 @@ def kkt_matrix(tangents, mu, order, factors, V, delta, reach, give, count, equal
 
 @njit(**INNER)
 def is_minimum(S, count, least, worst):
-    """Whether an equilibrium is a strict minimum by its complement S of `count` rows and `kkt_matrix`."""
-    return worst > SINGULAR and dense.positive(S[:count, :count]) == least
+    """Whether an equilibrium is a strict minimum by its complement S of `count` rows and `kkt_matrix`.
+
+    Constraints that nearly depend on each other, as of contact beside a clamp, make eigenvalues below the
+    rounding of others. So they may give way by that: what is stable then is so with rigid ones.
+    """
+    if worst <= SINGULAR:
+        return False
+    if dense.positive(S[:count, :count]) == least:
+        return True
+    largest, diagonal = 0.0, np.empty(count)
+    for a in range(count):
+        diagonal[a] = S[a, a]
+        for b in range(a + 1):
+            largest = max(largest, abs(S[a, b]))
+    for a in range(count):
+        S[a, a] += ROUNDING * largest
+    stable = dense.positive(S[:count, :count]) == least
+    for a in range(count):
+        S[a, a] = diagonal[a]
+    return stable
 
 
 @njit(**LEAF)

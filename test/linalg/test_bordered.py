@@ -213,3 +213,23 @@ def test_an_eigenvalue_turned_by_rows_that_act_elsewhere_is_told(soft: float) ->
             assert stable == (with_others == 0)
             told.add((without, with_others))
     assert told == {(0, 0), (1, 0), (0, 1), (1, 1)}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_constraints_that_nearly_depend_on_each_other(seed: int) -> None:
+    """An eigenvalue below the rounding of the largest one says nothing, a negative one above it does."""
+    rng = np.random.default_rng(seed)
+    basis, _ = np.linalg.qr(rng.normal(size=(12, 12)))
+    eigenvalues = 10.0 ** rng.uniform(-6.0, -1.0, 12)
+    eigenvalues[0], eigenvalues[1] = 5e4, -1e-12 if seed % 2 else 1e-12
+    for least, unstable in ((12, False), (12, True)):
+        eigenvalues[2] = -1e-7 if unstable else 1e-7
+        S = basis * eigenvalues @ basis.T
+        kept = S.copy()
+        assert minimum(S, least) is not unstable
+        np.testing.assert_array_equal(S, kept)
+
+
+def minimum(S: np.ndarray, least: int) -> bool:
+    """`bordered.is_minimum`, as Python can call it."""
+    return bool(bordered.is_minimum.py_func(S, len(S), least, 1.0))
