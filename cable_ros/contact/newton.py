@@ -261,7 +261,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 gone[i] += s[i]
             change, couple, scale = correct_forces(points, count, y, lines, F_new, strain.reach.shape[0] > 0)
             scale = max(scale, options.least)
-            ends, moment = move_ends(points, count, y, spacing)
+            ends, moment = move_ends(points, count, y, spacing, model == FRICTIONLESS)
             felt = max(step, couple / scale)
             turned = max(felt, ends)
             step = max(turned, change / scale)

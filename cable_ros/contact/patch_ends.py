@@ -44,9 +44,9 @@ STRIDE = 2.0
 """Maximum motion of an end in an iteration, in spacings of the samples."""
 ROOM = 0.45
 """Maximum motion, fraction of the distance to what is next to it."""
-CREEP = 0.3
+CREEP, OVERSHOOT = 0.3, 2.0
 """An end that moves at least this fraction of its last motion again is sent to the limit of the geometric
-series of such motions."""
+series of such motions; and one that moves back by so much of it, up to the second."""
 BACK = 0.9
 """Motion back over the last motion from which a point swings: Newton's method leads it to no place."""
 SLIGHT = 1e-4
@@ -66,7 +66,7 @@ FAINT = 1e-3
 
 
 @njit(**INNER)
-def move_ends(points, count, y, spacing):
+def move_ends(points, count, y, spacing, smooth):
     """Move points and ends of patches to where no couple holds them.
 
     The couple that holds the slope, divided by the force that acts there, is its lever; an end that pulls is
@@ -76,6 +76,7 @@ def move_ends(points, count, y, spacing):
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
         y: (rows,) multipliers of the constraint rows.
         spacing: of the samples, L.
+        smooth: whether there is no friction: what sticks or slips in turn swings as well, and has no limit.
 
     Returns:
         The largest motion, L, and the largest moment of a force about where it was, EI / L.
@@ -113,7 +114,8 @@ def move_ends(points, count, y, spacing):
             points[i, SWINGS] += 1.0
         elif back_again or points[i, SWINGS] > 0.0:
             points[i, SWINGS] = 0.5
-        if CREEP * last * last < shift * last < last * last:
+        overshoots = CREEP * last * last < -shift * last < OVERSHOOT * last * last
+        if (smooth and overshoots) or CREEP * last * last < shift * last < last * last:
             shift, points[i, SHIFT] = shift / (1.0 - shift / last), np.copysign(0.0, shift)
         shift = min(max(shift, -STRIDE * spacing), STRIDE * spacing)
         shifts[i] = min(max(shift, -ROOM * back), ROOM * forth)
