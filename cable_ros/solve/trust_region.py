@@ -63,6 +63,8 @@ class Options:
     iterations: int = 100
     noise: float = 1e-13
     """Error of the objective, relative to 1 + its size: what a step may lose."""
+    neutral: float = 1e-5
+    """Curvature in the metric below which a direction counts as neutral."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,10 @@ def minimize(problem: Problem, x: Any, y: np.ndarray, options: Options = Options
         s, dy = problem.step(gradient, c)
         length = problem.norm(s) if convex else np.inf
         # along a neutral direction rounding alone makes the step long, but such a step gains nothing
-        left = min(length, float(np.sqrt(abs(np.vdot(gradient, s)))))
+        decrement = abs(float(np.vdot(gradient, s)))
+        left = min(length, float(np.sqrt(decrement)))
+        if 0.0 < decrement <= options.neutral * length**2 < np.inf:
+            left = min(left, decrement / length)  # the force along it: the last digits of a pose make one
         if convex and left <= options.step_tolerance and violation <= options.constraint_tolerance:
             # the step is at hand, and what it leaves is of its square
             return Minimum(problem.retract(x, s), y + dy, True, objective, violation, iteration)

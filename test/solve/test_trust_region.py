@@ -265,3 +265,20 @@ def test_statuses_say_whether_numbers_may_be_published() -> None:
     for status in Status:
         assert status.sentence.endswith(".")
         assert status.sentence[0].isupper()
+
+
+@pytest.mark.parametrize(("force", "converges"), [(1e-12, True), (1e-8, False)])
+def test_a_neutral_direction(force: float, converges: bool) -> None:
+    """The last digits of a pose make a force of 1e-12 along it, under which nothing need go anywhere.
+
+    Along a direction of curvature 1e-6 a step of 1e-6 that gains 1e-18 was not short enough; where the
+    direction turns, no step ever was.
+    """
+    problem = Dense(
+        lambda x: 0.5 * x[0] ** 2 + 0.5e-6 * x[1] ** 2 - force * x[1],
+        lambda x: np.array([x[0], 1e-6 * x[1] - force]),
+        lambda x: np.diag([1.0, 1e-6]),
+    )
+    found = minimize(problem, np.zeros(2), np.zeros(0), Options())
+    assert found.converged
+    assert (found.iterations == 1) is converges
