@@ -20,7 +20,7 @@ rounding."""
 GRID = np.linspace(0.0, 1.0, 65)
 """Where shapes are compared."""
 SAME_SHAPE = 1e-6
-"""Maximum difference of the frames of a shape that is its own mirror image."""
+"""Maximum difference of the frames of a shape that is its own mirror image, for OUT, see `symmetry`."""
 
 
 def plane_of_symmetry(sought: Sought) -> np.ndarray | None:
@@ -80,7 +80,8 @@ def by_rule(found: Found, shape: np.ndarray, uneven: float = OUT) -> tuple[Found
     if rod.frictional or (isinstance(rod, NodalRod) and rod.state.tau.any()):
         return found, False
     n = plane_of_symmetry(Sought(rod.K, rod.natural, Conditions(rod.qe, rod.re, rod.f), None, SYMMETRIC))
-    if n is not None and np.abs(reflected(shape, n) - shape).max() <= SAME_SHAPE:
+    most = SAME_SHAPE * uneven / OUT
+    if n is not None and np.abs(reflected(shape, n) - shape).max() <= most:
         image = _image(found, n)
     else:
         lost = lost_symmetry(shape, rod.mesh.interpolate(found.q, GRID), rod.re, uneven)
