@@ -39,6 +39,9 @@ REFINE = 0.4
 ACCEPT_ROUGH = 0.25
 """As ACCEPT, with friction at points alone. The estimate holds in place what sticks; where its friction is
 held instead, as a judge does who is told that friction, the error was up to three times the estimate."""
+ASTRAY = "Friction was followed in steps, whose estimated error of the end wrench, {:.1e}, is too large."
+MOST_OF_PATH = 0.5
+"""The largest such error of what is published, relative: mostly it is told two or three times too large."""
 COARSE = "Contact was solved on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
 IN_STEPS = "; friction was followed in steps, to an estimated error of the end wrench of {:.1e}."
@@ -212,6 +215,8 @@ class TrackedEquilibrium(CableModel):
         if rod.forgot:
             self._lose("friction was forgotten when the mesh changed")
         error = max(error, rod.path_error(self._path_force))
+        if error > MOST_OF_PATH:
+            return self.failed(Status.NOT_CONVERGED, ASTRAY.format(error), time.perf_counter() - begin)
         status, message = self._verdict(status, message, error)
         return self._result(status, message, error, iterations, poses, begin)
 
