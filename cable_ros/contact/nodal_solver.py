@@ -49,11 +49,12 @@ class NodalSolver(NodalContacts):
 
     def _solve(
         self, qe: np.ndarray, re: np.ndarray, f: np.ndarray, obstacles: np.ndarray, drag: float,
-        give: np.ndarray | None = None, rigid: bool = False,
+        give: np.ndarray | None = None, rigid: bool = False, cycles: bool = False,
     ) -> tuple[int, int]:  # fmt: skip
         """Newton's method from the last equilibrium; on failure the state is what it was.
 
-        `rigid`: whether it is tried first with what sticks rigid.
+        `rigid`: whether it is tried first with what sticks rigid; `cycles`: whether, against drag, it is
+        tried with a soft stick as well.
         """
         state, kept = self.state, self.state.copy()
         if not self.coulomb:
@@ -72,7 +73,7 @@ class NodalSolver(NodalContacts):
             (True, True, (hard,)), (False, True, (stiff,)),
             (False, False, (stiff,)), (False, False, (soft, stiff)),
         )  # fmt: skip
-        for predict, keep, stages in trials if drag == 0.0 else trials[2:3]:
+        for predict, keep, stages in trials if drag == 0.0 else trials[2 : 4 if cycles else 3]:
             goes_on = predict and self._moved and extrapolate(state, self.before, re, drag)
             if predict and not (goes_on or rigid):
                 continue
@@ -155,11 +156,13 @@ class NodalSolver(NodalContacts):
         """
         known, energy = self._known(), np.inf
         drag, slow, failed, spent = DRAG, DRAG, 0.0, 0
+        fails = 0  # in a row: what stays in spite of more drag is a cycle of stick and slip
         springs = COMPLIANCE if give is None else give[:, :, None]  # of what sticks
         self._moved = False
         for _ in range(DRAGS):
             here = self._known()
-            code, count = self._solve(qe, re, f, obstacles, drag, give)
+            code, count = self._solve(qe, re, f, obstacles, drag, give, cycles=fails > 0)
+            fails = 0 if code == CONVERGED else fails + 1
             spent += count
             stored = self.totals[ENERGY] + 0.5 * float((springs * self.state.tau**2).sum())
             rises = code == CONVERGED and stored > energy + ROUNDING * (1.0 + abs(energy))
