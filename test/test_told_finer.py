@@ -11,7 +11,7 @@ import pytest
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case, refined
-from cable_ros.bench.metamorphic import at_rate, corners
+from cable_ros.bench.metamorphic import at_rate, corners, in_states
 from cable_ros.branch import tracked_equilibrium
 from cable_ros.branch.cold_start import Found
 from cable_ros.branch.snap_through import SnapThrough, left_on_refining
@@ -126,6 +126,40 @@ def test_a_hose_led_back_at_250_hz_falls_and_keeps_its_friction() -> None:
     path = at_rate(corners(case), 250, 0.5)[:310]
     found = [tracker.arrive(joints)["cable"].status for joints in path]
     assert set(found) == {Status.CONVERGED, Status.SNAPPED}
+
+
+@pytest.mark.parametrize(
+    ("key", "rate", "poses"),
+    [
+        # laid flat, with a sample 8e-5 L from the clamp: it passed for unstable
+        pytest.param((20, 4), 250, 251, id="a lift laid flat"),
+        # a patch whose end swung beside a sample, by 0.62 of its last motion and more
+        pytest.param((20, 12), 1000, 1001, id="a lift at 1 kHz"),
+        # what is free to turn was lost where the first step was of 4e-6
+        pytest.param((25, 9), 250, 20, id="what turns freely"),
+    ],
+)
+def test_smooth_scenes_at_any_rate(key: tuple[int, int], rate: float, poses: int) -> None:
+    """Without friction nothing hangs on how a path is told; these were lost, near the ends of their paths."""
+    case = drawn_case(*key, 1e-4)
+    tracker = Tracker(case_scene(case))
+    path = at_rate(corners(case), rate, 0.5)[:poses]
+    found = [tracker.arrive(joints)["cable"] for joints in path][-50:]
+    assert {one.status for one in found} <= {Status.CONVERGED, Status.SNAPPED}
+
+
+@pytest.mark.parametrize("states", [8, 32])
+def test_a_taut_cable_is_led_back(states: int) -> None:
+    """Smooth beams pull it taut and come back: told in 8 states it was followed to where nothing led back."""
+    case = drawn_case(20, 41, 1e-4)
+    tracker = Tracker(case_scene(case))
+    found = [tracker.arrive(joints)["cable"] for joints in in_states(corners(case), states)]
+    assert Status.NOT_CONVERGED in {one.status for one in found}
+    assert "around obstacle" in next(one.message for one in found if one.status is Status.NOT_CONVERGED)
+    assert found[-1].status is Status.CONVERGED
+    assert found[-1].end_wrench == pytest.approx(
+        found[0].end_wrench, abs=1e-4 * abs(found[0].end_wrench).max()
+    )
 
 
 def test_a_patch_that_shrinks_to_the_clamp_leaves_it() -> None:

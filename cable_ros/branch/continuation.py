@@ -16,6 +16,7 @@ from cable_ros.branch.snap_through import (
     SNAP_WORK,
     SnapThrough,
     fall_with_friction,
+    goes_on,
     snap_and_record,
 )
 from cable_ros.contact.nodal_rod import NodalRod
@@ -63,10 +64,15 @@ EDGE = 3.0
 VERY_TAUT = 2e4
 """`TAUT` of a cable whose end the extrapolation tells to 1 % of its slack."""
 AS_GOOD_AS_TAUT = 1e6
-"""End force, EI / L^2, at which a cable with friction that gets tauter is not followed any farther."""
+"""End force, EI / L^2, at which a cable that gets tauter is not followed any farther: with friction at all,
+without it no farther than STRAINS tells."""
 TAUTER, UNRESOLVED = 10.0, 0.1
 """Growth of the end force that asks whether the mesh resolves how the cable bends, and the error that it must
 not have: a mesh that is too coarse has slack where the cable is taut."""
+SLACKENS = 0.5
+"""End force that a step which is too long would have led to, over that before, which shows the way back."""
+STRAINS = 2.0
+"""Growth of the end force of a cable that was as good as taut already beyond which it is not followed."""
 NEARLY = 2.0
 """Such a cable may be taut before the end of the path if that is expected within this many rests of it."""
 
@@ -139,12 +145,32 @@ def continue_branch(
     taut, in_a_row, failed, falls = False, 0, 0, 0  # `failed`: times since a step was taken
     given = last = rod.work  # at the start, and after the last step
     fork: float | None = None
+    was_taut, slackens = first >= taut_force and not rod.on_grid, False
     allowed = longest  # how long a step friction's changes in the last one allow, whether or not it is solved
     rod.forked = False
 
     def ended(end: End) -> Continuation:
         return Continuation(end, at, q, F, iterations, tuple(snaps), rod, step, fork)
 
+    def fallen(first: float) -> bool:
+        """Whether the cable has fallen and come to rest, a step of `first` further on."""
+        nonlocal at, q, F, last, iterations, forces
+        fall = fall_with_friction(rod, q, F, path, at, first, partial(_travel, rod))
+        if fall is None:
+            rod.refactor(q, F)
+            rod.fell_short = F if rod.falling is None and not rod.on_grid else None
+            return False
+        found, snap, at = fall
+        snaps.append(snap)
+        iterations += found.iterations
+        q, F, last = found.q, found.F, rod.work
+        forces = [(at, _norm(F))]
+        return True
+
+    if not goes_on(rod, path):
+        rod.falling = None
+    elif not fallen(step) and rod.falling is not None:
+        return ended(End.UNFINISHED)
     while at < 1.0:
         if rod.work <= 0.0:
             rod.refactor(q, F)
@@ -157,6 +183,7 @@ def continue_branch(
             step = (target - at) * max(0.9 * at_once / far, 0.1)
             continue
         rod.short = step <= SHORT * longest
+        put_back = rod.kept() if was_taut and first >= AS_GOOD_AS_TAUT else None
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
@@ -166,6 +193,10 @@ def continue_branch(
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
         if rod.frictional and code in (warm_step.ADVANCED, warm_step.TOO_FAR):
             allowed = min((target - at) * rod.stride, longest)
+        if code == warm_step.ADVANCED and put_back is not None and _norm(F_new) > STRAINS * first:
+            put_back()  # from there it may not be led back
+            rod.refactor(q, F)
+            return ended(End.TAUT)
         if code == warm_step.ADVANCED:
             at, q, F, last = target, q_new, F_new, rod.work
             fork, rod.forked = (at if rod.forked else fork), False
@@ -188,7 +219,11 @@ def continue_branch(
             return ended(End.BEYOND_REACH)
         force = forces[-1][1]
         # a grid does not resolve how a taut cable bends, and may fail on the way back as well
-        known = len(forces) == 1 and force >= taut_force and not rod.on_grid
+        known = len(forces) == 1 and was_taut
+        slackens |= known and code == warm_step.TOO_FAR and _norm(F_new) < SLACKENS * force
+        if known and slackens and step > LEAST * longest:
+            step *= min(rod.stride, 0.5)  # the first steps of the way back are the shortest
+            continue
         taut_at = at if known else _taut_at(forces)
         if rod.touches and taut_at < at + NEARLY * (1.0 - at):
             rod.patience = 0  # a search without contact forces does not get farther
@@ -229,18 +264,14 @@ def continue_branch(
         else:
             ends = far < FALL or not (stable or rod.lies)
             may_fall = fallback is not None and gives_way and ends
-        if may_fall and falls < FALLS:
+        if may_fall and falls < FALLS and rod.fell_short is not F:
             falls += 1
             # points and patches that are not stable have already passed the branch's end
             first = step if stable or rod.on_grid else SHORTEST * longest
-            fallen = fall_with_friction(rod, q, F, path, at, first, partial(_travel, rod))
-            if fallen is not None:
-                found, snap, at = fallen
-                snaps.append(snap)
-                iterations += found.iterations
-                rod, q, F, last = found.rod, found.q, found.F, rod.work
-                forces = [(at, _norm(F))]
+            if fallen(first):
                 continue
+            if rod.falling is not None:
+                return ended(End.UNFINISHED)
         if fallback is not None and gives_way:
             replacement, fallback = fallback(rod, q, F), None
             if replacement is not None:

@@ -98,7 +98,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
             return self._cold(kinematics, joints, poses, begin, target_twist)
         rod.work = self._budget
         rod.patience, rod.short, rod.forked = PATIENCE, False, False
-        if self._share < 1.0 or largest_difference(joints, self._joints) > LONGEST:
+        falls = rod.falling is not None
+        if falls or self._share < 1.0 or largest_difference(joints, self._joints) > LONGEST:
             return self._continue_to(kinematics, index, joints, poses, begin)
         qe, re, f, obstacles, far, room = self._destination(kinematics, joints, poses, rod)
         if room < -CLAMP_DEPTH and (inside := self._clamp_inside(obstacles, re)):
@@ -175,6 +176,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         """Solve the present equilibrium to another tolerance; lose it if that fails."""
         rod, tolerance = self._rod, self.tolerance
         assert rod is not None
+        rod.falling = None
         if rod.on_grid:  # the grid does not depend on the tolerance
             self._resolved = tolerance
             return
@@ -287,8 +289,9 @@ class FollowedEquilibrium(SearchedEquilibrium):
         self._snapped = 0 if result.end is End.ARRIVED else self._snapped + snapped
         least = PROGRESS_LYING if slow else PROGRESS
         progressed = result.at >= least * longest or any(snap.folded for snap in result.snaps)
-        # another rod, or a whole budget, may get farther
-        progressed |= result.rod is not start or self._budget < self._full_budget
+        # another rod, another mesh, the rest of a fall, or a whole budget, may get farther
+        falls = rod.falling is not None
+        progressed |= result.rod is not start or rod.work > 0.0 or falls or self._budget < self._full_budget
         rough = LEAST_SHARE_ROUGH if rod.frictional else LEAST_SHARE
         share = longest * (LEAST_SHARE_GRID if rod.on_grid else rough)
         # where friction turns over within 1e-5 lengths steps are as short, and grow again behind it
@@ -306,9 +309,9 @@ class FollowedEquilibrium(SearchedEquilibrium):
                 return self._finish(
                     Status.CONVERGED, Status.CONVERGED.sentence, result.iterations, poses, begin
                 )
-            # refine the mesh on a long path, too
-            there_poses = kinematics.poses(reached)[index]
-            self._finish(Status.UNFINISHED, "", result.iterations, there_poses, begin)
+            if not falls:  # refine the mesh on a long path, too
+                there_poses = kinematics.poses(reached)[index]
+                self._finish(Status.UNFINISHED, "", result.iterations, there_poses, begin)
             self._record = self._record.with_waiting(reached, joints)
             unfinished = self.failed(
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin

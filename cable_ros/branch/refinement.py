@@ -90,7 +90,9 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
     tried = [(found, estimate)]
     for _ in range(8):
         unresolved = found.rod.unresolved(found.q)
-        unresolved[[0, -1]] |= found.rod.clamp_errors(found.q, found.F) > ACCEPT * tolerance
+        errors = found.rod.clamp_errors(found.q, found.F)
+        for error, beside in zip(errors, found.rod.beside_clamps(), strict=True):
+            unresolved[beside] |= error > ACCEPT * tolerance
         unresolved &= found.rod.mesh.lengths > SHORTEST_ELEMENT
         if unresolved.any() and estimate <= tolerance:
             mesh = found.rod.mesh.split(unresolved)

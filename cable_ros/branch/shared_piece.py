@@ -407,6 +407,7 @@ class SharedPiece(CableTracker):
         if rod.chord(qe, re) < self._reach:
             rod.then = then
             fallen = rod.fall_with_friction(pushed(rod, self._q), self._F, qe, re, f, obstacles)
+            rod.falling = None  # other pieces would have to wait
         self.worked += FALL_WORK - rod.work
         if fallen is None:
             assert self._origin is not None

@@ -10,6 +10,7 @@ import numpy as np
 
 from cable_ros.branch.branch_switching import switch_branch
 from cable_ros.branch.cold_start import Conditions, Found, settled
+from cable_ros.branch.free_turn import place_to_turn_to
 from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.contact.symmetry import LEANT
 from cable_ros.contact.travel import travel
@@ -39,9 +40,9 @@ AWAY = 0.2
 """The same for a few such steps back from a fold, where the shape changes like the root of the load."""
 SNAP_WORK = 90_000.0
 """Minimum budget of a snap-through: without it no call would get past a fold."""
-FALL_WORK = 600_000.0
-"""The same of a fall with friction, which else would be forgotten until `reset`. Hoses that slid from link to
-link took up to 580,000, on meshes of 26 elements."""
+FALL_WORK, FALL_CALL = 600_000.0, 150_000.0
+"""The same of a fall with friction, which else would be forgotten until `reset`: of one that has to end in
+the call, as on a grid, and of a call after which it goes on."""
 AHEAD = 100.0
 """Number of steps along the path to where a bifurcating branch is looked for, and a fall leads first."""
 PUSH = 1e-7
@@ -101,7 +102,8 @@ def snap_and_record(
 ) -> tuple[Found, SnapThrough, float] | None:  # fmt: skip
     """`snap_through` from the factored equilibrium (q, F) at the end of the step: with its record, and where.
 
-    First a branch is looked for that bifurcates, a little further along the path.
+    First a branch is looked for that bifurcates, or where a cable turns to that is free to, a little further
+    along the path.
 
     `margins`: fractions of the path and stability margins there, last those of (q, F); `crossed`: whether the
     margin is known to be negative at the end of the step; `may_turn`: as in `continue_branch`.
@@ -111,24 +113,31 @@ def snap_and_record(
     shape, before = rod.mesh.interpolate(q, GRID), rod.snapshot()()
     energy, mode = rod.linearize(q, F)[0], rod.mode.copy()
     twist, end, found = float(rod.totals[TWIST]), min(1.0, at + AHEAD * step), None
-    if margin < SMALL:
+    turns, forks = may_turn and margin < FREE_TO_TURN, False
+    if turns and (place := place_to_turn_to(rod, q, F, path(end))) is not None:
+        found = snap_through(rod, *place, path(end))
+        if found is None:
+            rod.refactor(q, F)
+    if found is None and margin < SMALL:
         found = switch_branch(rod, q, F, mode, path(end))
-    forks = found is not None
+        forks = found is not None
     crossed = crossed or forks
     if found is None:
         end = min(1.0, at + step)
         found = snap_through(rod, q, F, path(end))
     ends = min(1.0, at + AHEAD * step), 1.0
-    if found is None and may_turn and margin < FREE_TO_TURN:
+    if found is None and turns:
         found, end = _further_on(rod, q, F, path, ends, rod.minimum)
-    if found is None and rod.touches and not (rod.remembers or rod.frictional):
-        found, end = _further_on(rod, q, F, path, ends, rod.fall)
+    falls = (rod.fall, rod.fall_closely) if rod.touches and not (rod.remembers or rod.frictional) else ()
+    for fall in falls:
+        if found is None:
+            found, end = _further_on(rod, q, F, path, ends, fall)
     if found is None:
         return None
     found, forked = by_rule(found, shape, LEANT)
     jumped = has_jumped(shape, rod.mesh.interpolate(found.q, GRID))
     to_fold = 0.0 if crossed else np.inf
-    if jumped and not crossed:
+    if jumped and not (crossed or turns):
         long = max(_length(path, at, at + step), 1e-300)
         for fine in FINE:
             least = step * max(1.0, fine / long)
@@ -266,26 +275,40 @@ def _further_on(
     return found, end
 
 
+def goes_on(rod: Rod, path: Callable[[float], Conditions]) -> bool:
+    """Whether the rod is falling, and on this path."""
+    if rod.falling is None:
+        return False
+    there = path(rod.falling.rest)
+    return bool(rod.falling.leads_to((there.qe, there.re, there.f, there.obstacles)))
+
+
 def fall_with_friction(
     rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], at: float, step: float,
     away: Callable[[Conditions], float],
 ) -> tuple[Found, SnapThrough, float] | None:  # fmt: skip
     """As `snap_and_record`, of a cable that keeps its friction: it falls as in a viscous medium.
 
-    A branch that goes on attracts it. So where it ends in another shape the branch has ended.
+    A branch that goes on attracts it. So where it ends in another shape the branch has ended. None if it does
+    not come to rest, or not yet: then the rod is `falling`, and the next call goes on from there.
 
     `away`: the distance of the rod's conditions from others, L.
     """
     end = min(1.0, at + step)
-    while end < 1.0 and away(path(end)) < BEYOND:
-        end = min(1.0, at + 2.0 * (end - at))
+    if rod.falling is not None:
+        end = at + rod.falling.rest * (1.0 - at)
+    else:
+        while end < 1.0 and away(path(end)) < BEYOND:
+            end = min(1.0, at + 2.0 * (end - at))
     there, shape = path(end), rod.mesh.interpolate(q, GRID)
     energy, twist = rod.linearize(q, F)[0], float(rod.totals[TWIST])
-    spare = max(FALL_WORK - rod.work, 0.0)
+    spare = max((FALL_WORK if rod.on_grid else FALL_CALL) - rod.work, 0.0)
     rod.work += spare
     fallen = rod.fall_with_friction(pushed(rod, q), F, there.qe, there.re, there.f, there.obstacles)
     rod.work -= spare
     if fallen is None:
+        if rod.falling is not None:
+            rod.falling.rest = (end - at) / (1.0 - at)
         return None
     found = Found.at(rod, *fallen)
     jumped = has_jumped(shape, rod.mesh.interpolate(found.q, GRID))

@@ -180,6 +180,15 @@ class FixedSetRod(ConstrainedRod):
         ]
         return size * np.array(self.clamps) * errors
 
+    def beside_clamps(self) -> tuple[list[int], list[int]]:
+        # an element may be so short that the samples of its neighbour tell how it lies
+        points = self.points[: self.count]
+        at = points[points[:, KIND] == SAMPLE, ARC_LENGTH]
+        if not len(at):
+            return [0], [-1]
+        first, last = np.searchsorted(self.s0, [at.min(), at.max()], "right") - 1
+        return [0, int(first)], [-1, int(last)]
+
     def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """As `relative_error`, for friction along patches between the samples.
 

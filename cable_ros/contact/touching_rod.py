@@ -19,7 +19,7 @@ from cable_ros.contact.patch_ends import join
 from cable_ros.contact.penalty_continuation import FAR, NEAR, descend, descend_instead, drops
 from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, INTERFACE, OBSTACLE
 from cable_ros.contact.travel import travel
-from cable_ros.contact.viscous_flow import flow
+from cable_ros.contact.viscous_flow import Flow
 from cable_ros.rod import warm_step
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh
@@ -30,6 +30,8 @@ BETWEEN = 2.0
 """Largest motion between nodes over that of the nodes: the Lebesgue constant of order 6 is 1.9."""
 NOT_MOVED = 1e-10
 """Length of a step, L, in which what slips along a patch only pauses."""
+CLOSELY = 2
+"""Number of springs of a fall, over that of another, where another has led nowhere."""
 MOST_NEAR = 50
 """Maximum number of iterations with stiff springs: a cable that snaps far needs fewer with soft ones."""
 
@@ -120,6 +122,16 @@ class TouchingRod(ActiveSetRod):
         self.ready = False
         return descend(self, q, F, options, NEAR, foundation=True, round_edges=False)
 
+    def fall_closely(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        # a cable that slides along an edge bears on one place, which two springs far apart would share
+        density = self.density
+        self.densify(CLOSELY * density)
+        found = self.fall(q, F, options)
+        self.densify(density)
+        return found
+
     def fall_with_friction(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         obstacles: np.ndarray | None,
@@ -127,7 +139,14 @@ class TouchingRod(ActiveSetRod):
         if self.model != COULOMB or not self.count or self.soft:
             return None
         assert obstacles is not None
-        return flow(self, q, F, (qe, re, f, obstacles), self.passed_in_contact)
+        ends = qe, re, f, obstacles
+        if self.falling is None or not self.falling.leads_to(ends):
+            self.falling = Flow(self, q, F, ends)
+        fall = self.falling
+        rests = fall.go(self, self.passed_in_contact)
+        if rests is not None or fall.over:
+            self.falling = None
+        return None if rests is None else (*rests, fall.iterations)
 
     def _from_contacts(
         self, q: np.ndarray, F: np.ndarray, tolerance: float

@@ -10,6 +10,7 @@ in short steps, each of which lowers the energy, shows that its branch has ended
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -26,6 +27,9 @@ slips the wrong way in any step against less than 400, the cable was lost."""
 FADES, GROWS, EASES = 0.3, 3.0, 0.7
 """Factors of the drag after a step that arrived and after one that failed, and, after every step, of the drag
 below which it does not go since a step failed."""
+FEW, FASTER, MOST_FAILS, RETURNS = 2, 10.0, 4, 10
+"""Number of steps that failed in a row after which the drag grows faster; its factor then, and where the fall
+goes back by a step; the number after which it does, and by how many steps at most."""
 CALM, LONGEST = 0.03, 0.3
 """Maximum rotation of a section in a step, rad, after which the drag fades, and of any step."""
 STILL = 1e-4
@@ -34,69 +38,119 @@ STEPS = 400
 """Maximum number of steps."""
 TOLERANCE, LIMIT = 1e-7, 0.6
 """Of Newton's method in a step: its last rotation, and the maximum of any, rad."""
+MOST_WORK = 1_500_000.0
+"""Maximum work of a fall in all calls, iterations times unknowns: hoses that slid from link to link took up
+to 580,000."""
 ROUNDING = 1e-9
 """Relative rise of the energy that is rounding."""
+SAME_ENDS = 1e-9
+"""Maximum difference of conditions that are the same: they are computed from another fraction of the path."""
 Ends = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """End frame, end position, load per length and obstacles, of `Rod.advance`."""
+Passed = Callable[..., bool]
 
 
-def flow(
-    rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, ends: Ends, passed: Callable[..., bool]
-) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """Come to rest from (q, F) under new conditions; None if that fails, with the rod as it was.
+class Flow:
+    """A fall: how far it has come, so that it can go on in the next call.
 
     Args:
         rod: with friction, at its equilibrium.
         q, F: nodal frames (n, 4) and end force (3,) there.
         ends: the new conditions, a little further along the path.
-        passed: whether a step has led through an obstacle, see `TouchingRod.passed_in_contact`.
-
-    Returns:
-        The stable equilibrium (q, F), factored, and the number of iterations.
     """
-    put_back, trial, then = rod.kept(), rod.trial, rod.then
-    rod.trial = True
-    drag, last, floor, energy, spent, rests = FIRST, FIRST, 0.0, np.inf, 0, False
-    before = slow = np.inf  # rotation in the last step, and what it must be below to come to rest, rad
-    for _ in range(STEPS):
-        if rod.work <= 0.0 or drag > LARGEST:
-            break
-        back, mesh, rod.then = rod.kept(), rod.mesh, then
-        code, count, arrived = _step(rod, drag, q, F, ends, passed)
-        spent += count
+
+    def __init__(self, rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, ends: Ends) -> None:
+        self.ends = ends
+        self.iterations = 0
+        self.rest = 1.0
+        """Where `ends` is on the path that is left, a fraction of it."""
+        self._at, self._there, self._then = (q, F), rod.kept(), rod.then
+        self._drag, self._last, self._floor, self._energy = FIRST, FIRST, 0.0, np.inf
+        # rotation in the last step, and what it must be below to come to rest, rad
+        self._before = self._slow = np.inf
+        self._behind: deque[tuple[tuple[np.ndarray, np.ndarray], Callable[[], None], float, float]] = deque(
+            maxlen=RETURNS
+        )
+        """States before the last steps: frames and force, what puts the rod there, energy, and drag then."""
+        self._left, self._steps, self._fails = MOST_WORK, STEPS, 0
+
+    def leads_to(self, ends: Ends) -> bool:
+        """Whether these are the conditions under which it falls, but for rounding."""
+        return all(np.allclose(a, b, 0.0, SAME_ENDS) for a, b in zip(self.ends, ends, strict=True))
+
+    def go(self, rod: ActiveSetRod, passed: Passed) -> tuple[np.ndarray, np.ndarray] | None:
+        """Fall until the cable rests or the rod's work is used up; None if it does not rest, with the rod,
+        which is where the fall began, as it was.
+
+        Args:
+            rod: at the equilibrium from which it falls.
+            passed: whether a step has led through an obstacle, see `TouchingRod.passed_in_contact`.
+
+        Returns:
+            The stable equilibrium, factored: nodal frames (n, 4) and end force (3,).
+        """
+        put_back, trial, given = rod.kept(), rod.trial, rod.work
+        self._there()
+        rod.trial, rests = True, False
+        while rod.work > 0.0 and not (rests or self.over):
+            rests = self._go_on(rod, passed)
+            self._steps -= 1
+        self._left -= given - rod.work
+        rod.drag, rod.trial, rod.ready, rod.then = 0.0, trial, False, SAME
+        if rests:  # `_step` has judged and factored it
+            return self._at
+        self._there = rod.kept()
+        put_back()
+        return None
+
+    @property
+    def over(self) -> bool:
+        """Whether it cannot be followed to its end."""
+        return self._steps <= 0 or self._left <= 0.0 or self._drag > LARGEST
+
+    def _go_on(self, rod: ActiveSetRod, passed: Passed) -> bool:
+        """One step of the fall; whether it ends at rest."""
+        q, F = self._at
+        back, mesh, rod.then = rod.kept(), rod.mesh, self._then
+        code, count, arrived = _step(rod, self._drag, q, F, self.ends, passed)
+        self.iterations += count
         if arrived is not None:
             stored = float(rod.totals[ENERGY])
             moved = _rotation(mesh, q, rod.mesh, arrived[0])
             # another mesh has another energy, by its error, of all but the same shape
-            lowers = stored <= energy + ROUNDING * (1.0 + abs(energy))
+            lowers = stored <= self._energy + ROUNDING * (1.0 + abs(self._energy))
             remeshed = moved < CALM and len(rod.mesh.lengths) != len(mesh.lengths)
             if moved <= LONGEST and (lowers or remeshed):
-                (q, F), then = arrived, SAME
-                rests = drag == 0.0
-                if rests:
-                    break
-                energy, floor, last, before = stored, EASES * floor, drag, moved
+                self._behind.append((self._at, back, self._energy, self._drag))
+                self._at, self._then, self._fails = arrived, SAME, 0
+                if self._drag == 0.0:
+                    return True
+                self._energy, self._floor = stored, EASES * self._floor
+                self._last, self._before = self._drag, moved
                 if moved < CALM:
-                    still = drag * moved < STILL and moved < slow
-                    drag = 0.0 if still else max(FADES * drag, floor)
-                continue
+                    still = self._drag * moved < STILL and moved < self._slow
+                    self._drag = 0.0 if still else max(FADES * self._drag, self._floor)
+                return False
         back()
-        if drag > 0.0:
-            drag = floor = GROWS * drag
+        self._fails += 1
+        if self._drag > 0.0:
+            self._drag = self._floor = (GROWS if self._fails <= FEW else FASTER) * self._drag
+            if (self._fails > MOST_FAILS or self._drag > LARGEST) and self._behind:
+                # from this shape no drag leads on: what sticks and what slips changes in turn
+                self._at, back, self._energy, drag = self._behind.pop()
+                back()
+                self._drag, self._fails = FASTER * drag, 0
+                self._floor = self._drag
         elif code == warm_step.NOT_CONVEX:
             # slow because it has only begun to leave: it comes to rest after it has slowed down again
-            drag, slow = FADES * last, 0.5 * before
+            self._drag, self._slow = FADES * self._last, 0.5 * self._before
         else:
-            drag = floor = last
-    rod.drag, rod.trial, rod.ready, rod.then = 0.0, trial, False, SAME
-    if rests:  # `_step` has judged and factored it
-        return q, F, spent
-    put_back()
-    return None
+            self._drag = self._floor = self._last
+        return False
 
 
 def _step(
-    rod: ActiveSetRod, drag: float, q: np.ndarray, F: np.ndarray, ends: Ends, passed: Callable[..., bool]
+    rod: ActiveSetRod, drag: float, q: np.ndarray, F: np.ndarray, ends: Ends, passed: Passed
 ) -> tuple[int, int, tuple[np.ndarray, np.ndarray] | None]:
     """Code and iterations of a step against this drag, and where it arrives; None if it does not."""
     mesh, before, held = rod.mesh, rod.obstacles, rod.touched()

@@ -244,6 +244,12 @@ class Rod(WithoutContact):
         """`minimum` from a shape that has just lost its stability; knows nothing of friction."""
         return self.minimum(q, F, options)
 
+    def fall_closely(
+        self, q: np.ndarray, F: np.ndarray, options: Options
+    ) -> tuple[np.ndarray, np.ndarray, int] | None:
+        """As `fall`, among obstacles at more places."""
+        return self.fall(q, F, options)
+
     def refactor(self, q: np.ndarray, F: np.ndarray) -> bool:
         """Factor the tangent at (q, F); whether that is a strict minimum."""
         self.linearize(q, F)

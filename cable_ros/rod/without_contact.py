@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -84,6 +85,12 @@ class WithoutContact:
     """Of the next step: the cable's length at the last equilibrium over that now, and the arc length now, L,
     of what was its start."""
 
+    falling: Any = None
+    """The `contact.viscous_flow.Flow` that goes on in the next call; None: it does not fall."""
+
+    fell_short: np.ndarray | None = None
+    """End force of the equilibrium from which a fall was tried to its end and did not come to rest."""
+
     trial = False
     """Whether a step may change friction more than `stride` allows: who asks for it judges that."""
     tentative = False
@@ -131,7 +138,8 @@ class WithoutContact:
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         obstacles: np.ndarray | None,
     ) -> tuple[np.ndarray, np.ndarray, int] | None:  # fmt: skip
-        """Where (q, F) comes to rest under other conditions, with friction; None without, or if that fails.
+        """Where (q, F) comes to rest under other conditions, with friction; None without, or if that fails,
+        or if it is `falling` yet.
 
         See `contact.viscous_flow`.
         """
@@ -157,6 +165,10 @@ class WithoutContact:
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """(2,) what lying at the clamps adds to `relative_error`; see `FixedSetRod`."""
         return np.zeros(2)
+
+    def beside_clamps(self) -> tuple[list[int], list[int]]:
+        """Numbers of the elements that tell what the start clamp, and what the end clamp, bears there."""
+        return [0], [-1]
 
     def friction_error(self, q: np.ndarray, F: np.ndarray) -> float:
         """What friction adds to `relative_error`; see `FixedSetRod`."""

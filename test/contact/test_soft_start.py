@@ -92,7 +92,8 @@ def test_points_that_press_against_each_other(monkeypatch: pytest.MonkeyPatch) -
     for joints in case.path[:6]:
         (found,) = tracker.arrive(joints).values()
         assert found.status.trusted, found.message
-    assert solves.soft_points.count(ADVANCED) > 0.5 * len(solves.soft_points) > 2.0
+    # from a third to three quarters of them end, as the last digits of the joints are; without them none does
+    assert solves.soft_points.count(ADVANCED) > max(0.25 * len(solves.soft_points), 5.0)
 
 
 @pytest.mark.parametrize("digit", [-1.0, 0.0, 1.0])
