@@ -273,12 +273,9 @@ FOUND = {
     (164, 1293): "a rough table: on a new mesh stick and slip changed in many places",
     (164, 1159): "weightless, on a rough table: on a new mesh what stuck slid by a thousandth of the length",
     (162, 127): "pulled over a rough corner: with its friction given it is all but free to slide",
-    (164, 74): "smooth beams pushed up until the cable falls over them",
     (164, 207): "over a smooth beam and off it sideways: two springs share one place",
     (164, 278): "smooth beams pushed down until the cable slides off their ends",
-    (164, 1455): "a smooth drum pulls a cable taut, and comes back",
     (165, 696): "up a smooth ball and off it: of two images always the same one, however the path is told",
-    (165, 761): "smooth rollers pull a cable taut: it gets a finer mesh, and is led back",
     (166, 103): "a heavy cable slides along the edge of a smooth beam as it falls",
     (166, 310): "over a smooth edge: an element beside the clamp so short that no sample is in it",
 }
