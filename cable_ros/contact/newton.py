@@ -305,7 +305,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             history = History(model, options.direction, presliding, options.bedding, still, *before)
         elif not changed:
             moved = moved or coarse(points, count, h, s0, finest) or dipping(points, count)
-            if model == FRICTIONLESS and fresh and not is_minimum(factors.S, total_rows, least, worst):
+            judged = model == FRICTIONLESS and fresh
+            if judged and not is_minimum(factors.S, rows.delta, total_rows, least, worst):
                 return NOT_CONVEX, total, count, total_rows, moved, rotation, foreseen
             if model == COULOMB:
                 for i in range(count):

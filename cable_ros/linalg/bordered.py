@@ -214,7 +214,7 @@ def kkt_factor(tangents, mu, order, factors, V, W, skew, delta, reach, give, cou
     least, worst = kkt_matrix(tangents, mu, order, factors, V, delta, reach, give, count, equalities)
     S = factors.S
     if not skew or worst <= SINGULAR:
-        return is_minimum(S, count, least, worst)
+        return is_minimum(S, delta, count, least, worst)
     positive = dense.positive(S[:count, :count])
     unstable = positive - least
     complement(V, W, False, count, order, factors)
@@ -248,11 +248,12 @@ def kkt_matrix(tangents, mu, order, factors, V, delta, reach, give, count, equal
 
 
 @njit(**INNER)
-def is_minimum(S, count, least, worst):
+def is_minimum(S, delta, count, least, worst):
     """Whether an equilibrium is a strict minimum by its complement S of `count` rows and `kkt_matrix`.
 
-    Constraints that nearly depend on each other, as of contact beside a clamp, make eigenvalues below the
-    rounding of others. So they may give way by that: what is stable then is so with rigid ones.
+    Constraints that nearly depend on each other, as of contact along a patch beside a clamp, make eigenvalues
+    below the rounding of others. So those that give way, by `delta`, may do so by that: what is stable then
+    is so with firmer ones. Of two points at one place none gives way, and what they bear is not known.
     """
     if worst <= SINGULAR:
         return False
@@ -264,7 +265,8 @@ def is_minimum(S, count, least, worst):
         for b in range(a + 1):
             largest = max(largest, abs(S[a, b]))
     for a in range(count):
-        S[a, a] += ROUNDING * largest
+        if delta[a] > 0.0:
+            S[a, a] += ROUNDING * largest
     stable = dense.positive(S[:count, :count]) == least
     for a in range(count):
         S[a, a] = diagonal[a]
