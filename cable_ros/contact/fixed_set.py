@@ -147,11 +147,14 @@ class FixedSetRod(ConstrainedRod):
         if len(friction) and self.model == COULOMB:
             complement = complement[: self.rows, : self.rows].copy()
             complement[friction, friction] = RELEASED
-        return np.asarray(error_estimate.error(
-            q, Fe, (self.qe, re, self.f), self.section, self.grid, self.enrichment,
-            (*self.saddle[:2], self._factors(complement)), self.constraints, self.rows,
-            (boundaries, residual, self.shares),
-        ))  # fmt: skip
+        try:
+            return np.asarray(error_estimate.error(
+                q, Fe, (self.qe, re, self.f), self.section, self.grid, self.enrichment,
+                (*self.saddle[:2], self._factors(complement)), self.constraints, self.rows,
+                (boundaries, residual, self.shares),
+            ))  # fmt: skip
+        except np.linalg.LinAlgError:  # contacts depend on each other: what each bears is not known
+            return np.full(6, np.inf)
 
     def _without_strain(self, q: np.ndarray, F: np.ndarray, boundaries: np.ndarray) -> np.ndarray:
         """The end position (3,) and, in place, the elements' `boundaries` (m + 1, 3) without the displacement
@@ -204,6 +207,8 @@ class FixedSetRod(ConstrainedRod):
         kept, mode = friction.copy(), np.empty((self.count, 3))
         highest_mode(self.points, self.count, mode)
         change = self.wrench_error(q, F)
+        if not np.isfinite(change).all():
+            return np.inf
         friction -= mode
         change -= self.wrench_error(q, F)
         friction[:] = kept
