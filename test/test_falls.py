@@ -157,6 +157,26 @@ def test_what_is_at_rest_stays_so_on_another_mesh(monkeypatch: pytest.MonkeyPatc
     assert len(kept.mesh.lengths) == 3
 
 
+def test_a_fall_goes_back_where_no_drag_leads_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After its first step nothing leads on: that is made again from the start against ten times the drag."""
+    mesh, sliding = Mesh(reference_element(4), np.array([0.5, 0.5])), (1.1, 0.2)
+    shape, energy = np.tile([1.0, 0.0, 0.0, 0.0], (len(mesh.nodes), 1)), np.zeros(4)
+    rod = SimpleNamespace(mesh=mesh, totals=energy, trial=False, then=sliding, work=1e9)
+    rod.kept = lambda: lambda: None
+    steps: list[tuple[bool, float, tuple[float, float]]] = []
+
+    def stuck_after_a_short_one(rod, drag, q, F, *_):  # type: ignore[no-untyped-def]
+        steps.append((q is shape, drag, rod.then))
+        arrives = q is shape or steps[-2][1] == 10.0 * viscous_flow.FIRST
+        return warm_step.NOT_CONTRACTING, 1, (q.copy(), F) if arrives else None
+
+    monkeypatch.setattr(viscous_flow, "_step", stuck_after_a_short_one)
+    fall = viscous_flow.Flow(rod, shape, np.zeros(3), None)
+    assert fall.go(rod, None) is not None
+    begun = [(drag, then) for from_start, drag, then in steps if from_start]
+    assert begun == [(viscous_flow.FIRST, sliding), (10.0 * viscous_flow.FIRST, sliding)]
+
+
 def test_a_branch_that_goes_on_attracts_the_cable() -> None:
     """In the medium a stable cable comes to rest where a step leads it, and stays where it is at rest."""
     tracker = Tracker(str(share_file("config", "space_arm_sphere.yaml")), tolerance=1e-6)

@@ -139,9 +139,8 @@ class TouchingRod(ActiveSetRod):
         if self.model != COULOMB or not self.count or self.soft:
             return None
         assert obstacles is not None
-        ends = qe, re, f, obstacles
-        if self.falling is None or not self.falling.leads_to(ends):
-            self.falling = Flow(self, q, F, ends)
+        if self.falling is None:
+            self.falling = Flow(self, q, F, (qe, re, f, obstacles))
         fall = self.falling
         rests = fall.go(self, self.passed_in_contact)
         if rests is not None or fall.over:

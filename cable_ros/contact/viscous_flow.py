@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,6 +51,21 @@ Ends = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 Passed = Callable[..., bool]
 
 
+class Behind(NamedTuple):
+    """Where a fall was before a step."""
+
+    at: tuple[np.ndarray, np.ndarray]
+    """Nodal frames (n, 4) and end force (3,)."""
+    back: Callable[[], None]
+    """Puts the rod there."""
+    then: tuple[float, float]
+    """See `Rod.then`."""
+    energy: float
+    """EI / L."""
+    drag: float
+    """Of the step."""
+
+
 class Flow:
     """A fall: how far it has come, so that it can go on in the next call.
 
@@ -68,10 +84,7 @@ class Flow:
         self._drag, self._last, self._floor, self._energy = FIRST, FIRST, 0.0, np.inf
         # rotation in the last step, and what it must be below to come to rest, rad
         self._before = self._slow = np.inf
-        self._behind: deque[tuple[tuple[np.ndarray, np.ndarray], Callable[[], None], float, float]] = deque(
-            maxlen=RETURNS
-        )
-        """States before the last steps: frames and force, what puts the rod there, energy, and drag then."""
+        self._behind: deque[Behind] = deque(maxlen=RETURNS)
         self._left, self._steps, self._fails = MOST_WORK, STEPS, 0
 
     def leads_to(self, ends: Ends) -> bool:
@@ -121,7 +134,7 @@ class Flow:
             lowers = stored <= self._energy + ROUNDING * (1.0 + abs(self._energy))
             remeshed = moved < CALM and len(rod.mesh.lengths) != len(mesh.lengths)
             if moved <= LONGEST and (lowers or remeshed):
-                self._behind.append((self._at, back, self._energy, self._drag))
+                self._behind.append(Behind(self._at, back, self._then, self._energy, self._drag))
                 self._at, self._then, self._fails = arrived, SAME, 0
                 if self._drag == 0.0:
                     return True
@@ -137,10 +150,10 @@ class Flow:
             self._drag = self._floor = (GROWS if self._fails <= FEW else FASTER) * self._drag
             if (self._fails > MOST_FAILS or self._drag > LARGEST) and self._behind:
                 # from this shape no drag leads on: what sticks and what slips changes in turn
-                self._at, back, self._energy, drag = self._behind.pop()
+                self._at, back, self._then, self._energy, drag = self._behind.pop()
                 back()
-                self._drag, self._fails = FASTER * drag, 0
-                self._floor = self._drag
+                self._drag = self._floor = FASTER * drag
+                self._fails = 0
         elif code == warm_step.NOT_CONVEX:
             # slow because it has only begun to leave: it comes to rest after it has slowed down again
             self._drag, self._slow = FADES * self._last, 0.5 * self._before

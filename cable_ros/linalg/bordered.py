@@ -259,18 +259,12 @@ def is_minimum(S, delta, count, least, worst):
         return False
     if dense.positive(S[:count, :count]) == least:
         return True
-    largest, diagonal = 0.0, np.empty(count)
-    for a in range(count):
-        diagonal[a] = S[a, a]
-        for b in range(a + 1):
-            largest = max(largest, abs(S[a, b]))
+    yielding = S[:count, :count].copy()
+    give = ROUNDING * np.abs(yielding).max()
     for a in range(count):
         if delta[a] > 0.0:
-            S[a, a] += ROUNDING * largest
-    stable = dense.positive(S[:count, :count]) == least
-    for a in range(count):
-        S[a, a] = diagonal[a]
-    return stable
+            yielding[a, a] += give
+    return dense.positive(yielding) == least
 
 
 @njit(**LEAF)

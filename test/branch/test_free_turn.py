@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
+from cable_ros.bench.carriage import on_carriage
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.free_turn import place_to_turn_to
 from cable_ros.branch.snap_through import DESCENT
@@ -87,30 +88,18 @@ def test_what_does_not_turn_freely() -> None:
 
 def led_aside(first: float, angle: float) -> list[Equilibrium]:
     """A cable that is free to turn, whose end is led aside by `first`, then by 0.05 lengths, at an angle."""
-    joint = '<joint name="{0}" type="prismatic"><parent link="{1}"/><child link="{2}"/><axis xyz="{3}"/>'
-    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-    urdf = (
-        '<robot name="r"><link name="base"/><link name="a"/><link name="hand"/>'
-        + joint.format("x", "base", "a", "1 0 0") + limit + joint.format("y", "a", "hand", "0 1 0") + limit
-        + "</robot>"
-    )  # fmt: skip
-    scene = {
-        "gravity": [0.0, 0.0, 0.0],
-        "cables": [
-            {
-                "name": "cable", "length": 1.0, "stiffness": [1.0, 1.0, 0.75], "linear_density": 0.0,
-                "start": {"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]},
-                "end": {"link": "hand", "position": [0.0, 0.0, 0.6], "rpy": [0.0, 0.0, 1.2]},
-            }
-        ],
-        "obstacles": [
-            {"name": "far", "plane": {"point": [0.0, 0.0, -9.0], "normal": [0.0, 0.0, 1.0]}, "friction": 0.0}
-        ],
+    end = {"position": [0.0, 0.0, 0.6], "orientation": [0.0, 0.0, np.sin(0.6), np.cos(0.6)]}
+    plane = {"point": [0.0, 0.0, -9.0], "normal": [0.0, 0.0, 1.0]}
+    cable = {
+        "name": "cable", "length": 1.0, "stiffness": [1.0, 1.0, 0.75], "linear_density": 0.0,
+        "start": {"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}, "end": end,
     }  # fmt: skip
+    obstacles = [{"name": "far", "plane": plane, "friction": 0.0}]
+    scene, urdf, home = on_carriage({"gravity": [0.0, 0.0, 0.0], "cables": [cable], "obstacles": obstacles})
     tracker = Tracker(load_scene(scene, urdf=urdf))
-    tracker.arrive({"x": 0.0, "y": 0.0})
+    tracker.arrive(home)
     return [
-        tracker.arrive({"x": part * np.cos(angle), "y": part * np.sin(angle)})["cable"]
+        tracker.arrive({**home, "x": part * np.cos(angle), "y": part * np.sin(angle)})["cable"]
         for part in (first, 0.05)
     ]
 
