@@ -6,14 +6,27 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.branch.cold_start import Conditions
+from cable_ros.branch.mirror_image import GRID
 from cable_ros.rod import quaternion
+from cable_ros.rod.clamp_stiffness import clamp_response
+from cable_ros.rod.initial_shapes import side
 from cable_ros.rod.kirchhoff import Rod
 
 IN_LINE = 1e-6
 """Maximum distance of what is in the line from it, L and rad: so far what is added to the Hessian holds the
 cable where it is."""
+FARTHEST = 0.01
+"""The same of the end where turning is of second order in its motion."""
+BESIDE = 5e-3
+"""Distance of the end from the line, L and rad, at which places differ to second order."""
 SLIGHT = 1e-9
 """Least work over force and motion that tells one place from another."""
+FIRST_ORDER = 0.01
+"""Maximum part of what is of first order in work that is to be of second order."""
+HOLD = 1e-4
+"""Part of the elastic stiffness that holds the cable where its clamp stiffness is computed."""
+AS_FAR = 1e-3
+"""Maximum difference of the ways to two places, rad, at which a rule chooses and not the way."""
 
 
 def place_to_turn_to(
@@ -32,22 +45,76 @@ def place_to_turn_to(
     Returns:
         Its nodal frames (n, 4) and end force (3,).
     """
-    off = np.abs(np.concatenate((rod.re[:2], rod.qe[1:3], rod.natural[:2], rod.f))).max()
-    if off > IN_LINE or rod.K[0] != rod.K[1] or rod.compliance.any():
+    if not _turns_about_line(rod, IN_LINE):
         return None
-    spin = np.array([conditions.qe[0], 0.0, 0.0, conditions.qe[3]])
-    spin /= np.linalg.norm(spin)
-    # out of the line
-    motion = conditions.re[:2]
-    rotation = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(spin), conditions.qe))[:2]
-    moment = rod.reactions()
-    A = float(F[:2] @ motion + moment[:2] @ rotation)
-    B = float(F[0] * motion[1] - F[1] * motion[0] + moment[0] * rotation[1] - moment[1] * rotation[0])
-    size = np.linalg.norm(F) * np.linalg.norm(motion) + np.linalg.norm(moment) * np.linalg.norm(rotation)
-    if np.hypot(A, B) <= SLIGHT * size:
+    wrench, motion = np.concatenate((F, rod.reactions())), _off_line(conditions)
+    A, B = float(wrench @ motion), float(wrench @ _turned_back(motion))
+    parts = np.linalg.norm(np.reshape((wrench, motion), (2, 2, 3)), axis=2)
+    if np.hypot(A, B) <= SLIGHT * float(parts[0] @ parts[1]):
         return None
-    half = 0.5 * np.arctan2(-B, -A)
-    turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+    return _turned(q, F, float(np.arctan2(-B, -A)))
+
+
+def is_beside(conditions: Conditions) -> bool:
+    """Whether the end is so far from the line that what is of second order in that counts."""
+    return float(np.linalg.norm(_off_line(conditions))) >= BESIDE
+
+
+def places_beside(
+    rod: Rod, q: np.ndarray, F: np.ndarray, conditions: Conditions
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """As `place_to_turn_to`, where to first order no place is better: an arch that moves across.
+
+    Turned by phi, it sees the motion as if that were turned back. To second order the work is half of what
+    the clamp stiffness makes of that, a multiple of cos 2 phi and sin 2 phi. Of its two minima the nearer one
+    comes first, and where both are as far a rule chooses; none are known where the list is empty.
+    """
+    if not _turns_about_line(rod, FARTHEST):
+        return []
+    rod.refactor(q, F)
+    rod.factor(HOLD)
+    response = clamp_response(q, F, (rod.qe, rod.re, rod.f), rod.grid, rod.saddle)[6:, 6:]
+    rod.factor(0.0)
+    stiffness = 0.5 * (response + response.T)
+    motion = _off_line(conditions)
+    ways = np.array([motion, _turned_back(motion)])
+    work = 0.5 * ways @ stiffness @ ways.T
+    wrench = np.concatenate((F, rod.reactions())) - stiffness @ _off_line(Conditions(rod.qe, rod.re, rod.f))
+    of_second_order = float(np.ptp(np.linalg.eigvalsh(work)))
+    of_first_order = float(np.linalg.norm(ways @ wrench))
+    if of_first_order > FIRST_ORDER * of_second_order or motion @ motion == 0.0:
+        return []
+    angle = 0.5 * float(np.arctan2(-2.0 * work[0, 1], work[1, 1] - work[0, 0]))
+    places = [_turned(q, F, one) for one in (angle, angle - np.copysign(np.pi, angle))]
+    if 0.5 * np.pi - abs(angle) < AS_FAR:
+        places.sort(key=lambda place: -side(rod.mesh.interpolate(place[0], GRID), GRID))
+    return places
+
+
+def _turns_about_line(rod: Rod, most: float) -> bool:
+    """Whether it turns freely about the line of its clamps, off which its end is by `most` L or rad."""
+    off = np.abs(np.concatenate((rod.re[:2], rod.qe[1:3]))).max()
+    bent = np.abs(np.concatenate((rod.natural[:2], rod.f))).max()
+    return bool(off <= most and bent <= IN_LINE and rod.K[0] == rod.K[1] and not rod.compliance.any())
+
+
+def _off_line(conditions: Conditions) -> np.ndarray:
+    """Motion and rotation (6,) of the end across the line, L and rad, in the axes of a clamp in the line."""
+    qe, re = conditions.qe, conditions.re
+    spin = np.array([qe[0], 0.0, 0.0, qe[3]])
+    back = quaternion.conjugate(spin / np.linalg.norm(spin))
+    rotation = quaternion.rotation_vector(quaternion.multiply(back, qe))
+    return np.array([re[0], re[1], 0.0, rotation[0], rotation[1], 0.0])
+
+
+def _turned_back(motion: np.ndarray) -> np.ndarray:
+    """A motion and rotation (6,) turned about the line by -90 degrees."""
+    return np.array([motion[1], -motion[0], motion[2], motion[4], -motion[3], motion[5]])
+
+
+def _turned(q: np.ndarray, F: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """The frames (n, 4) and the end force (3,), turned about the line by an angle, rad."""
+    turn = np.array([np.cos(0.5 * angle), 0.0, 0.0, np.sin(0.5 * angle)])
     back = quaternion.conjugate(turn)
     turned = np.array([quaternion.multiply(quaternion.multiply(turn, one), back) for one in q])
     return turned, quaternion.rotate(turn, F)

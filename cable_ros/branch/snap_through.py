@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_ros.branch.branch_switching import switch_branch
 from cable_ros.branch.cold_start import Conditions, Found, settled
-from cable_ros.branch.free_turn import place_to_turn_to
+from cable_ros.branch.free_turn import is_beside, place_to_turn_to, places_beside
 from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.contact.symmetry import LEANT
 from cable_ros.contact.travel import travel
@@ -114,10 +114,8 @@ def snap_and_record(
     energy, mode = rod.linearize(q, F)[0], rod.mode.copy()
     twist, end, found = float(rod.totals[TWIST]), min(1.0, at + AHEAD * step), None
     turns, forks = may_turn and margin < FREE_TO_TURN, False
-    if turns and (place := place_to_turn_to(rod, q, F, path(end))) is not None:
-        found = snap_through(rod, *place, path(end))
-        if found is None:
-            rod.refactor(q, F)
+    if turns and (turned := _turned(rod, q, F, path, at, end)) is not None:
+        found, end = turned
     if found is None and margin < SMALL:
         found = switch_branch(rod, q, F, mode, path(end))
         forks = found is not None
@@ -152,6 +150,27 @@ def snap_and_record(
         at, energy, after, twist, found.twist, jumped, touched, margin, to_fold, crossed, forks
     )
     return found, record, end
+
+
+def _turned(
+    rod: Rod, q: np.ndarray, F: np.ndarray, path: Callable[[float], Conditions], at: float, end: float
+) -> tuple[Found, float] | None:
+    """The equilibrium that the equilibrium (q, F), free to turn, turns to, and at which fraction of the path.
+
+    None: not known. At `end` if that tells; else where it has moved so far that some places are better.
+    """
+    place = place_to_turn_to(rod, q, F, path(end))
+    places = [place] if place is not None else []
+    if place is None:
+        while end < 1.0 and not is_beside(path(end)):
+            end = min(1.0, at + 2.0 * (end - at))
+        places = places_beside(rod, q, F, path(end))
+    for place in places:  # an obstacle may be where the first one is
+        found = snap_through(rod, *place, path(end))
+        if found is not None:
+            return found, end
+        rod.refactor(q, F)
+    return None
 
 
 def _length(path: Callable[[float], Conditions], begin: float, end: float) -> float:

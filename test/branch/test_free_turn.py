@@ -9,7 +9,7 @@ import pytest
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
-from cable_ros.branch.free_turn import place_to_turn_to
+from cable_ros.branch.free_turn import place_to_turn_to, places_beside
 from cable_ros.branch.snap_through import DESCENT
 from cable_ros.rod import quaternion
 
@@ -86,21 +86,64 @@ def test_what_does_not_turn_freely() -> None:
     assert place_to_turn_to(one.rod, one.q, one.F, conditions) is None
 
 
-def led_aside(first: float, angle: float) -> list[Equilibrium]:
-    """A cable that is free to turn, whose end is led aside by `first`, then by 0.05 lengths, at an angle."""
-    end = {"position": [0.0, 0.0, 0.6], "orientation": [0.0, 0.0, np.sin(0.6), np.cos(0.6)]}
-    plane = {"point": [0.0, 0.0, -9.0], "normal": [0.0, 0.0, 1.0]}
+@pytest.mark.parametrize("angle", [0.0, 0.4, 0.5 * np.pi, 2.0])
+def test_an_arch_without_twist_turns_across_the_motion(angle: float) -> None:
+    """Its end moves at an angle to its plane. Descents from both places go nowhere, and are mirror images."""
+    one, small = arch(0.0), 3e-3
+    rod, off = one.rod, Conditions(one.rod.qe, SLACK.copy(), np.zeros(3))
+    plane = quaternion.rotate(about_line(angle), np.cross(one.rod.reactions(), [0.0, 0.0, 1.0]))
+    off.re[:] += small * plane / np.linalg.norm(plane)
+    places = places_beside(rod, one.q, one.F, off)
+    assert len(places) == 2
+    energies, turned = [], []
+    for q, F in places:
+        rod.set_conditions(off.qe, off.re, off.f)
+        found = rod.minimum(rod.on_end(q), F, DESCENT)
+        assert found is not None
+        assert found[2] <= 8
+        assert quaternion.largest_rotation(q, found[0]) < 10.0 * small
+        energies.append(rod.linearize(*found[:2])[0])
+        # the arch stands across the motion: the clamp's moment is along that
+        turned.append(abs(rod.reactions() @ (off.re - SLACK)) / small / np.linalg.norm(rod.reactions()))
+    assert energies[0] == pytest.approx(energies[1], rel=1e-12)
+    np.testing.assert_allclose(turned, 1.0, atol=1e-3)
+    # the nearer one first; of two that are as far the one that a rule chooses
+    ways = [quaternion.largest_rotation(one.q, q) for q, _ in places]
+    assert ways[0] < ways[1] + 1e-3
+
+
+def test_an_arch_that_moves_across_goes_to_one_side_whatever_the_last_digit() -> None:
+    """Nudged in the twelfth digit it was another arch at home, and turned to the other side."""
+    for free in (False, True):
+        told = [led_aside(0.02, 0.5 * np.pi, nudge, 0.0, free)[:2] for nudge in (0.0, 1e-12, -1e-12, 3e-12)]
+        for home, aside in told:
+            np.testing.assert_allclose(home.points, told[0][0].points, atol=1e-5)
+            assert aside.iterations <= 70
+            np.testing.assert_allclose(aside.points, told[0][1].points, atol=1e-5)
+
+
+def led_aside(
+    first: float, angle: float, nudge: float = 0.0, spin: float = 1.2, free: bool = False
+) -> list[Equilibrium]:
+    """A cable that is free to turn, its end at home, aside by `first`, and by 0.05 lengths, at an angle.
+
+    `nudge`: of the joint `pitch`, rad; `spin`: of the end, rad; `free`: without an obstacle.
+    """
+    end = {"position": [0.0, 0.0, 0.6], "orientation": about_line(spin)[[1, 2, 3, 0]].tolist()}
+    # it has edges, which are rounded for a descent
+    box = {"box": {"center": [0.0, 0.0, -9.0], "size": [1.0, 1.0, 1.0]}}
     cable = {
         "name": "cable", "length": 1.0, "stiffness": [1.0, 1.0, 0.75], "linear_density": 0.0,
         "start": {"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}, "end": end,
     }  # fmt: skip
-    obstacles = [{"name": "far", "plane": plane, "friction": 0.0}]
-    scene, urdf, home = on_carriage({"gravity": [0.0, 0.0, 0.0], "cables": [cable], "obstacles": obstacles})
+    plain = {"gravity": [0.0, 0.0, 0.0], "cables": [cable]}
+    obstacles = {} if free else {"obstacles": [{"name": "far", **box, "friction": 0.0}]}
+    scene, urdf, home = on_carriage({**plain, **obstacles})
     tracker = Tracker(load_scene(scene, urdf=urdf))
-    tracker.arrive(home)
+    home["pitch"] += nudge
     return [
         tracker.arrive({**home, "x": part * np.cos(angle), "y": part * np.sin(angle)})["cable"]
-        for part in (first, 0.05)
+        for part in (0.0, first, 0.05)
     ]
 
 
@@ -113,9 +156,9 @@ def test_it_turns_at_once_however_small_the_first_step() -> None:
     for angle in (0.3, 2.0, 4.5):
         for first in (1e-7, 1e-4, 1e-2):
             found = led_aside(first, angle)
-            assert {one.status for one in found} <= {Status.CONVERGED, Status.SNAPPED}, found[0].message
-            assert found[0].iterations <= 70
+            assert {one.status for one in found} <= {Status.CONVERGED, Status.SNAPPED}, found[1].message
+            assert found[1].iterations <= 70
             turned = np.cos(angle) + 1j * np.sin(angle)
-            across = complex(*found[1].end_wrench[:2]) / turned
-            forces.append([across.real, across.imag, found[1].end_wrench[2]])
+            across = complex(*found[2].end_wrench[:2]) / turned
+            forces.append([across.real, across.imag, found[2].end_wrench[2]])
     np.testing.assert_allclose(forces, [forces[0]] * len(forces), atol=1e-4 * abs(forces[0][2]))
