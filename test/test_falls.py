@@ -69,6 +69,29 @@ def test_a_cable_falls_from_its_last_contact_however_the_path_is_told() -> None:
         assert np.linalg.norm(end - ends[0]) < SAME * np.linalg.norm(ends[0])
 
 
+@pytest.mark.parametrize(("key", "poses"), [((167, 708), 1), ((152, 15, "table"), 3)])
+def test_the_motion_of_the_clamps_costs_no_drag(key: tuple[int, int], poses: int) -> None:
+    """Carried, a step against a hundred times the drag changes the end force by no more; else 50 times."""
+    case = drawn_case(*key[:2], 1e-4, *key[2:])
+    tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+    for joints in case.path[:poses]:
+        tracker.arrive(joints)
+    cable = tracker._tracked_cables[0]
+    rod, q, F = cable._rod, cable._q, cable._F
+    assert isinstance(rod, TouchingRod)
+    assert q is not None
+    ends = rod.qe, rod.re + [0.0, 1e-4, 0.0], rod.f, rod.obstacles
+    put_back, changes = rod.kept(), []
+    for drag, carried in ((1.0, True), (100.0, True), (100.0, False)):
+        rod.carried = carried
+        code, _, arrived = viscous_flow._step(rod, drag, q, F, ends, lambda *_: False)
+        assert code == warm_step.ADVANCED
+        assert arrived is not None
+        changes.append(float(np.linalg.norm(arrived[1] - F)))
+        put_back()
+    assert changes[1] < 3.0 * changes[0] < 0.1 * changes[2]
+
+
 def test_no_last_digit_picks_the_side() -> None:
     """A planar cable falls out of its plane: which way is not for the 12th digit of its joints to say."""
     case, ends = drawn_case(108, 6, 1e-4), []

@@ -76,6 +76,15 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((159, 74), 58),
         # a grid takes over where friction along a patch turns back
         ((156, 0, "table"), 5),
+        # a symmetric branch forks: steps crossed the fork or took a side, and a fall swung to the other one
+        ((167, 708), 9),
+        ((168, 143), 17),
+        # against more drag a fall failed for the motion of the clamps alone
+        ((159, 795), 17),
+        # from a cold start, without friction, five solves take steps of 1e-7 lengths
+        ((165, 163), 2),
+        # where a fall leads nowhere shorter steps lead on
+        ((167, 570), 2),
     ],
 )
 def test_the_same_told_in_more_poses(key: Key, poses: int) -> None:

@@ -72,7 +72,12 @@ TURNED_OVER = (
 TIGHT = 1e3
 """Minimum end force, EI / L^2, of a cable on a grid that may be taut where it gets no farther."""
 PATIENT = 3
-"""Maximum number of such poses in a row, and of solves that hardly got on; then an equilibrium is sought."""
+"""Maximum number of such poses in a row; then an equilibrium is sought."""
+MOST_CRAWLS = 12
+"""Maximum number of solves in a row that hardly got on: from a cold start, without friction, a heavy cable on
+rough ground takes steps of 1e-7 lengths at first, and five solves until they are long."""
+AFTER_FALL = 0.25
+"""Factor of the step that failed, for the next one after a fall in vain."""
 ORIGIN = np.array([0.0] * 6 + [1.0])
 """A start clamp there: x y z, quaternion x y z w."""
 POSE_LEFT_OUT = "a pose asked for before could not be reached, and friction depends on the path"
@@ -120,6 +125,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
             if before is not None:
                 self._add_motion(before, True, partial(self._free_twist, kinematics, index))
             return self._finish(Status.CONVERGED, Status.CONVERGED.sentence, iterations, poses, begin)
+        if code == warm_step.NOT_CONVEX and rod.frictional:
+            rod.refactor_at = 0.0  # each step is judged on the way to where it loses its stability
         return self._continue_to(kinematics, index, joints, poses, begin)
 
     def _take_by_rule(self, mesh: Mesh, q: np.ndarray) -> None:
@@ -266,7 +273,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
         distance = largest_difference(joints, origin)
         longest = LONGEST / max(distance, LONGEST)
         fallback = self._on_grid if rod.replaceable else None
-        first, self._share = longest * min(rod.stride, rod.first_stride, self._share), 1.0
+        fell, share = rod.falling is not None, self._share
+        first, self._share = longest * min(rod.stride, rod.first_stride, share), 1.0
         tolerance = ALGEBRAIC * self.tolerance
         untried = rod.work <= 0.0 < self._budget  # one step to the pose itself has used it up
         result = continue_branch(
@@ -291,15 +299,17 @@ class FollowedEquilibrium(SearchedEquilibrium):
         progressed = result.at >= least * longest or any(snap.folded for snap in result.snaps)
         # another rod, another mesh, the rest of a fall, or a whole budget, may get farther
         falls = rod.falling is not None
+        if falls:  # where it does not come to rest shorter steps may lead on
+            self._share = share if fell else AFTER_FALL * result.step / longest
         progressed |= result.rod is not start or rod.work > 0.0 or falls or self._budget < self._full_budget
         rough = LEAST_SHARE_ROUGH if rod.frictional else LEAST_SHARE
-        share = longest * (LEAST_SHARE_GRID if rod.on_grid else rough)
+        least_step = longest * (LEAST_SHARE_GRID if rod.on_grid else rough)
         # where friction turns over within 1e-5 lengths steps are as short, and grow again behind it
         self._crawled = self._crawled + 1 if not progressed and result.at > 0.0 else 0
-        crawls = slow and 0 < self._crawled <= PATIENT
-        goes_on = crawls or untried or share < result.step < first
+        crawls = slow and 0 < self._crawled <= MOST_CRAWLS
+        goes_on = crawls or untried or least_step < result.step < first or (fell and not falls)
         if not progressed and result.end is End.UNFINISHED and goes_on:
-            progressed, self._share = True, result.step / longest
+            progressed, self._share = True, min(result.step / longest, share if fell else 1.0)
         progressed &= self._snapped <= MOST_SNAPS
         if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
             rod.refactor(self._q, self._F)

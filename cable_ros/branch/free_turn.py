@@ -55,9 +55,9 @@ def place_to_turn_to(
     return _turned(q, F, float(np.arctan2(-B, -A)))
 
 
-def is_beside(conditions: Conditions) -> bool:
-    """Whether the end is so far from the line that what is of second order in that counts."""
-    return float(np.linalg.norm(_off_line(conditions))) >= BESIDE
+def is_beside(rod: Rod, conditions: Conditions) -> bool:
+    """Whether the end is so far from the line that second order counts, or nothing turns freely."""
+    return not _turns_about_line(rod, FARTHEST) or float(np.linalg.norm(_off_line(conditions))) >= BESIDE
 
 
 def places_beside(
@@ -101,8 +101,9 @@ def _turns_about_line(rod: Rod, most: float) -> bool:
 def _off_line(conditions: Conditions) -> np.ndarray:
     """Motion and rotation (6,) of the end across the line, L and rad, in the axes of a clamp in the line."""
     qe, re = conditions.qe, conditions.re
-    spin = np.array([qe[0], 0.0, 0.0, qe[3]])
-    back = quaternion.conjugate(spin / np.linalg.norm(spin))
+    spin, size = np.array([qe[0], 0.0, 0.0, qe[3]]), float(np.hypot(qe[0], qe[3]))
+    spin = spin / size if size > 0.0 else np.array([1.0, 0.0, 0.0, 0.0])  # half a turn across: any will do
+    back = quaternion.conjugate(spin)
     rotation = quaternion.rotation_vector(quaternion.multiply(back, qe))
     return np.array([re[0], re[1], 0.0, rotation[0], rotation[1], 0.0])
 

@@ -48,6 +48,9 @@ AHEAD = 100.0
 PUSH = 1e-7
 """Rotation of the sections with which it begins, rad: of two mirror images always the same one, whatever the
 12th digit of the joints."""
+PUSH_POINTS = 1e-5
+"""The same of one that touches at points alone: the steps that led there make it as uneven. Along a patch all
+that sticks would be strained."""
 UNEVEN = 1.5
 """Power of the arc lengths at which that bulges: it is not its own image from end to end either."""
 BEYOND = 2e-4
@@ -162,7 +165,7 @@ def _turned(
     place = place_to_turn_to(rod, q, F, path(end))
     places = [place] if place is not None else []
     if place is None:
-        while end < 1.0 and not is_beside(path(end)):
+        while end < 1.0 and not is_beside(rod, path(end)):
             end = min(1.0, at + 2.0 * (end - at))
         places = places_beside(rod, q, F, path(end))
     for place in places:  # an obstacle may be where the first one is
@@ -340,7 +343,8 @@ def fall_with_friction(
 
 def pushed(rod: Rod, q: np.ndarray) -> np.ndarray:
     """Frames (n, 4) a little beside q (n, 4), from which a fall begins."""
-    return rod.on_end(aside(q, rod.mesh.nodes**UNEVEN, PUSH))
+    push = PUSH if rod.lies or rod.on_grid else PUSH_POINTS
+    return rod.on_end(aside(q, rod.mesh.nodes**UNEVEN, push))
 
 
 def has_jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:

@@ -32,7 +32,7 @@ from cable_ros.contact.points import (
 )
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.slip_kernels import note_slip
-from cable_ros.contact.symmetry import leaves_plane
+from cable_ros.contact.symmetry import leaves_plane, takes_side
 from cable_ros.contact.travel import SHORTER, SHORTEST, travel
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.centreline import position
@@ -65,8 +65,10 @@ LANDED_AT_ONCE = 1e-4
 FEWEST, SPARE_WORK = 3, 20_000.0
 """Number of iterations that a solve on another mesh takes at least, and work that they may take however
 little is left."""
-MANY = 8
-"""Number of iterations in which rounding may lead out of a plane."""
+MANY, SOME = 8, 3
+"""Number of iterations in which rounding may lead out of a plane, and friction to a side."""
+GRID = np.linspace(0.0, 1.0, 65)
+"""Where shapes are compared."""
 TURN_BACK = 0.5
 """Factor of a step that was hard to solve, and in which friction turns back at a point: it may have stuck,
 and then the cable goes elsewhere."""
@@ -351,6 +353,10 @@ class ActiveSetRod(FrictionalRod):
                 self.onward, self.stride = onward, min(self.stride, onward)
         if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):
             code = warm_step.TOO_FAR
+        falls = self.trial or self.tentative  # which does leave what is not stable
+        may_fork = code == warm_step.ADVANCED and rubs and iterations > SOME and not falls
+        if may_fork and self._takes_side(mesh, q, q_new, qe, re):
+            code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
         rotation = self.rotation + rotated if self.ready else np.inf
         was_loaded = self.loaded
@@ -411,6 +417,13 @@ class ActiveSetRod(FrictionalRod):
             return code, iterations, q_new, F_new
         self.settled = q_new
         return code, iterations, q_new, F_new
+
+    def _takes_side(
+        self, mesh: Mesh, q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray
+    ) -> bool:
+        """See `takes_side`, from q (n, 4) on `mesh` to q_new (n, 4), whose nodes have moved along."""
+        now = Mesh(self.mesh.element, self.h.copy())
+        return takes_side(mesh.interpolate(q, GRID), now.interpolate(q_new, GRID), qe, re)
 
     def _crowded(self, before: np.ndarray) -> np.ndarray:
         """(m,) which elements have less than a boundary for each end of a patch of a step that failed.
@@ -513,7 +526,7 @@ class ActiveSetRod(FrictionalRod):
         last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then, *found_on
         friction = self.model, self.direction, self.presliding, self.bedding, self.still, softest
         contact = self.samples, self.depth, self.give, self.finest(), end_bubbles(self.mesh.element.order)
-        limits = self.drag, float(self.least), float(self.work)
+        limits = self.drag, self.carried, float(self.least), float(self.work)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
             code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(

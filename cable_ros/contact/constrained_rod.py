@@ -86,7 +86,7 @@ class ConstrainedRod(Rod):
         self.followed = NONE  # the path so far, see `PathError`
         self.unforeseen = 0.0  # of `slip_kernels.slip_bend`, in the last step
         self.bedding = self.softest_bedding = BEDDING / tolerance
-        self.drag = 0.0  # see `contact_state.Options`
+        self.drag, self.carried = 0.0, False  # see `contact_state.Options`
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
         # `_patch_friction` and the contact points' arc lengths when `friction_error` was last computed

@@ -138,6 +138,8 @@ class Options(NamedTuple):
     """(2, g + 2) see `elements.end_bubbles`."""
     drag: float
     """Of a viscous medium that resists the rotations in this step, over the elastic stiffness; mostly 0."""
+    carried: bool
+    """Whether it does not resist the tangent step, which follows the conditions."""
     least: float
     """Force, EI / L^2, that counts as nothing beside the end force; see `Rod.least`."""
     work: float

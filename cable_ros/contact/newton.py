@@ -134,7 +134,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
     V, lines, totals = rows.V, rows.lines, evaluation.totals
-    model, _, _, _, still, softest, samples, depth, give, finest, bubbles, drag, _, budget = options
+    model, _, _, _, still, softest, samples, depth, give, finest, bubbles, drag, carried, _, budget = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
     order = N.shape[1] - 1
@@ -257,8 +257,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             rotation += step
             quaternion.retract(q_new, s, q_new)
             close(q_new, qe)
-            for i in range(n):
-                gone[i] += s[i]
+            if not (tangent and carried):
+                for i in range(n):
+                    gone[i] += s[i]
             change, couple, scale = correct_forces(points, count, y, lines, F_new, strain.reach.shape[0] > 0)
             scale = max(scale, options.least)
             ends, moment = move_ends(points, count, y, spacing, model == FRICTIONLESS)

@@ -33,7 +33,9 @@ REVERSED, TURNED = 0, 1
 """Kinds: by reflection in the plane half way between the ends, and by half a turn."""
 
 
-def leaves_plane(q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray) -> bool:
+def leaves_plane(
+    q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray, most: float = PLANAR
+) -> bool:
     """Whether a planar cable leaves its plane in one step, although its ends stay in it.
 
     Where the planar branch loses its stability, rounding would pick one of two mirror images; smaller steps
@@ -42,12 +44,21 @@ def leaves_plane(q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarra
     Args:
         q, q_new: (n, 4) frames before and after.
         qe, re: end frame (4,) and position (3,), L.
+        most: how far out of its plane the cable may be before.
     """
     n = quaternion.plane(q)
     if not n.any() or quaternion.out_of_plane(q_new, n) < OUT:
         return False
     ends = max(quaternion.out_of_plane(qe[None], n), abs(float(re @ n)))
-    return max(quaternion.out_of_plane(q, n), ends) < PLANAR
+    return ends < PLANAR and quaternion.out_of_plane(q, n) < most
+
+
+def takes_side(q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray) -> bool:
+    """Whether a cable with friction, which makes it a little uneven, is no longer its own image.
+
+    Arguments as in `leaves_plane`, at arc lengths that are symmetric.
+    """
+    return leaves_plane(q, q_new, qe, re, OUT / GROWS) or lost_symmetry(q, q_new, re) is not None
 
 
 def lost_symmetry(q: np.ndarray, q_new: np.ndarray, re: np.ndarray, most: float = OUT) -> Symmetry | None:

@@ -46,6 +46,8 @@ ROUNDING = 1e-9
 """Relative rise of the energy that is rounding."""
 SAME_ENDS = 1e-9
 """Maximum difference of conditions that are the same: they are computed from another fraction of the path."""
+GRID = np.linspace(0.0, 1.0, 33)
+"""Where shapes are compared."""
 Ends = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """End frame, end position, load per length and obstacles, of `Rod.advance`."""
 Passed = Callable[..., bool]
@@ -84,6 +86,7 @@ class Flow:
         self._drag, self._last, self._floor, self._energy = FIRST, FIRST, 0.0, np.inf
         # rotation in the last step, and what it must be below to come to rest, rad
         self._before = self._slow = np.inf
+        self._turned = np.zeros((len(GRID), 3))  # rotations in the last step, rad
         self._behind: deque[Behind] = deque(maxlen=RETURNS)
         self._left, self._steps, self._fails = MOST_WORK, STEPS, 0
 
@@ -109,7 +112,7 @@ class Flow:
             rests = self._go_on(rod, passed)
             self._steps -= 1
         self._left -= given - rod.work
-        rod.drag, rod.trial, rod.ready, rod.then = 0.0, trial, False, SAME
+        rod.drag, rod.carried, rod.trial, rod.ready, rod.then = 0.0, False, trial, False, SAME
         if rests:  # `_step` has judged and factored it
             return self._at
         self._there = rod.kept()
@@ -125,17 +128,22 @@ class Flow:
         """One step of the fall; whether it ends at rest."""
         q, F = self._at
         back, mesh, rod.then = rod.kept(), rod.mesh, self._then
+        # against much drag the motion of the clamps alone may cost too much, or hold what would slip astray
+        rod.carried = self._fails >= FEW and self._fails % 2 == 0
         code, count, arrived = _step(rod, self._drag, q, F, self.ends, passed)
         self.iterations += count
         if arrived is not None:
             stored = float(rod.totals[ENERGY])
-            moved = _rotation(mesh, q, rod.mesh, arrived[0])
+            turned = _rotations(mesh, q, rod.mesh, arrived[0])
+            moved = float(np.linalg.norm(turned, axis=1).max())
             # another mesh has another energy, by its error, of all but the same shape
             lowers = stored <= self._energy + ROUNDING * (1.0 + abs(self._energy))
             remeshed = moved < CALM and len(rod.mesh.lengths) != len(mesh.lengths)
-            if moved <= LONGEST and (lowers or remeshed):
+            # nothing swings in a medium: one that turns back has been led across a ridge
+            swings = moved > CALM and float(np.sum(turned * self._turned)) < 0.0
+            if moved <= LONGEST and (lowers or remeshed) and not swings:
                 self._behind.append(Behind(self._at, back, self._then, self._energy, self._drag))
-                self._at, self._then, self._fails = arrived, SAME, 0
+                self._at, self._then, self._fails, self._turned = arrived, SAME, 0, turned
                 if self._drag == 0.0:
                     return True
                 self._energy, self._floor = stored, EASES * self._floor
@@ -176,6 +184,8 @@ def _step(
     return code, count, (q_new, F_new)
 
 
-def _rotation(mesh: Mesh, q: np.ndarray, mesh_new: Mesh, q_new: np.ndarray) -> float:
-    """Largest rotation of a section, rad, from q (n, 4) on one mesh to q_new (k, 4) on another."""
-    return quaternion.largest_rotation(mesh.interpolate(q, mesh_new.nodes), q_new)
+def _rotations(mesh: Mesh, q: np.ndarray, mesh_new: Mesh, q_new: np.ndarray) -> np.ndarray:
+    """Rotations (33, 3) of the sections at GRID, rad, from q (n, 4) on a mesh to q_new (k, 4) on another."""
+    before, after = mesh.interpolate(q, GRID), mesh_new.interpolate(q_new, GRID)
+    back = [quaternion.multiply(quaternion.conjugate(a), b) for a, b in zip(before, after, strict=True)]
+    return np.array([quaternion.rotation_vector(one) for one in back])

@@ -87,9 +87,9 @@ def test_it_is_the_same_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_points_that_press_against_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     """A cable on both edges of a rough beam: of two points one sticks, and which changed in a cycle."""
-    case = drawn_case(172, 65, 1e-4, "beams")
+    case = drawn_case(173, 74, 1e-4, "beams")
     tracker, solves = Tracker(case_scene(case)), Solves(monkeypatch, soft=True)
-    for joints in case.path[:6]:
+    for joints in case.path[:8]:
         (found,) = tracker.arrive(joints).values()
         assert found.status.trusted, found.message
     # from a third to three quarters of them end, as the last digits of the joints are; without them none does
