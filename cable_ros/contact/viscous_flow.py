@@ -161,7 +161,7 @@ class Flow:
                 self._at, back, self._then, self._energy, drag = self._behind.pop()
                 back()
                 self._drag = self._floor = FASTER * drag
-                self._fails = 0
+                self._fails, self._turned = 0, np.zeros_like(self._turned)
         elif code == warm_step.NOT_CONVEX:
             # slow because it has only begun to leave: it comes to rest after it has slowed down again
             self._drag, self._slow = FADES * self._last, 0.5 * self._before
