@@ -65,7 +65,7 @@ LANDED_AT_ONCE = 1e-4
 FEWEST, SPARE_WORK = 3, 20_000.0
 """Number of iterations that a solve on another mesh takes at least, and work that they may take however
 little is left."""
-MANY, SOME = 8, 3
+MANY, SOME = 8, 5
 """Number of iterations in which rounding may lead out of a plane, and friction to a side."""
 GRID = np.linspace(0.0, 1.0, 65)
 """Where shapes are compared."""
