@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.branch.cold_start import Conditions
-from cable_ros.branch.mirror_image import GRID
+from cable_ros.contact.symmetry import GRID
 from cable_ros.rod import quaternion
 from cable_ros.rod.clamp_stiffness import clamp_response
 from cable_ros.rod.initial_shapes import side
@@ -47,17 +47,19 @@ def place_to_turn_to(
     """
     if not _turns_about_line(rod, IN_LINE):
         return None
-    wrench, motion = np.concatenate((F, rod.reactions())), _off_line(conditions)
+    moment, motion = rod.reactions(), _off_line(conditions.qe, conditions.re)
+    wrench = np.concatenate((F, moment))
     A, B = float(wrench @ motion), float(wrench @ _turned_back(motion))
-    parts = np.linalg.norm(np.reshape((wrench, motion), (2, 2, 3)), axis=2)
-    if np.hypot(A, B) <= SLIGHT * float(parts[0] @ parts[1]):
+    norm = np.linalg.norm
+    if np.hypot(A, B) <= SLIGHT * (norm(F) * norm(motion[:3]) + norm(moment) * norm(motion[3:])):
         return None
     return _turned(q, F, float(np.arctan2(-B, -A)))
 
 
 def is_beside(rod: Rod, conditions: Conditions) -> bool:
     """Whether the end is so far from the line that second order counts, or nothing turns freely."""
-    return not _turns_about_line(rod, FARTHEST) or float(np.linalg.norm(_off_line(conditions))) >= BESIDE
+    off = float(np.linalg.norm(_off_line(conditions.qe, conditions.re)))
+    return off >= BESIDE or not _turns_about_line(rod, FARTHEST)
 
 
 def places_beside(
@@ -71,15 +73,15 @@ def places_beside(
     """
     if not _turns_about_line(rod, FARTHEST):
         return []
-    rod.refactor(q, F)
+    rod.linearize(q, F)
     rod.factor(HOLD)
     response = clamp_response(q, F, (rod.qe, rod.re, rod.f), rod.grid, rod.saddle)[6:, 6:]
-    rod.factor(0.0)
+    rod.refactor(q, F)
     stiffness = 0.5 * (response + response.T)
-    motion = _off_line(conditions)
+    motion = _off_line(conditions.qe, conditions.re)
     ways = np.array([motion, _turned_back(motion)])
     work = 0.5 * ways @ stiffness @ ways.T
-    wrench = np.concatenate((F, rod.reactions())) - stiffness @ _off_line(Conditions(rod.qe, rod.re, rod.f))
+    wrench = np.concatenate((F, rod.reactions())) - stiffness @ _off_line(rod.qe, rod.re)
     of_second_order = float(np.ptp(np.linalg.eigvalsh(work)))
     of_first_order = float(np.linalg.norm(ways @ wrench))
     if of_first_order > FIRST_ORDER * of_second_order or motion @ motion == 0.0:
@@ -98,9 +100,8 @@ def _turns_about_line(rod: Rod, most: float) -> bool:
     return bool(off <= most and bent <= IN_LINE and rod.K[0] == rod.K[1] and not rod.compliance.any())
 
 
-def _off_line(conditions: Conditions) -> np.ndarray:
-    """Motion and rotation (6,) of the end across the line, L and rad, in the axes of a clamp in the line."""
-    qe, re = conditions.qe, conditions.re
+def _off_line(qe: np.ndarray, re: np.ndarray) -> np.ndarray:
+    """Motion and rotation (6,) across the line, L and rad, of an end frame (4,) and position (3,)."""
     spin, size = np.array([qe[0], 0.0, 0.0, qe[3]]), float(np.hypot(qe[0], qe[3]))
     spin = spin / size if size > 0.0 else np.array([1.0, 0.0, 0.0, 0.0])  # half a turn across: any will do
     back = quaternion.conjugate(spin)

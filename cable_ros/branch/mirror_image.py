@@ -8,7 +8,7 @@ import numpy as np
 from cable_ros.branch.cold_start import Conditions, Found, Sought, carried, same
 from cable_ros.branch.end_for_end import end_for_end
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.symmetry import OUT, lost_symmetry
+from cable_ros.contact.symmetry import GRID, OUT, lost_symmetry
 from cable_ros.rod import quaternion
 from cable_ros.rod.initial_shapes import side
 
@@ -17,8 +17,6 @@ SYMMETRIC = 1e-9
 EVEN = 5e-4
 """Maximum twist asked for, rad, to which an equilibrium and its mirror image are equally near: a path's
 rounding."""
-GRID = np.linspace(0.0, 1.0, 65)
-"""Where shapes are compared."""
 SAME_SHAPE = 1e-6
 """Maximum difference of the frames of a shape that is its own mirror image, for OUT, see `symmetry`."""
 

@@ -32,7 +32,7 @@ from cable_ros.contact.points import (
 )
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.slip_kernels import note_slip
-from cable_ros.contact.symmetry import leaves_plane, takes_side
+from cable_ros.contact.symmetry import GRID, leaves_plane, takes_side
 from cable_ros.contact.travel import SHORTER, SHORTEST, travel
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.centreline import position
@@ -67,8 +67,6 @@ FEWEST, SPARE_WORK = 3, 20_000.0
 little is left."""
 MANY, SOME = 8, 5
 """Number of iterations in which rounding may lead out of a plane, and friction to a side."""
-GRID = np.linspace(0.0, 1.0, 65)
-"""Where shapes are compared."""
 TURN_BACK = 0.5
 """Factor of a step that was hard to solve, and in which friction turns back at a point: it may have stuck,
 and then the cable goes elsewhere."""

@@ -45,6 +45,10 @@ def remove_rounding(
 
     None if that fails, or takes more work than the rod has left.
     """
+    edged, rod.obstacles = rod.obstacles, obstacles
+    if not rod.count and rod.clear(q):  # where it is free to turn, no step would end at rest
+        return q, F, 0
+    rod.obstacles = edged
     at, ratio, total = 1.0, 0.0, 0  # `ratio`: of the next rounding to the present one
     for _ in range(MOST_STEPS):
         if rod.work <= 0.0:

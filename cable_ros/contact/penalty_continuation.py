@@ -62,13 +62,11 @@ def descend(
     if round_edges:
         rod.obstacles = rounded(sharp)
     found = _descend(rod, q, F, options, first, taut, foundation)
-    edged, rod.obstacles = rod.obstacles, sharp
-    # one that is clear of sharp edges stays: where it is free to turn, no step would end at rest
-    if found is not None and edged is not sharp and (rod.count or not rod.clear(found[0])):
-        total, rod.obstacles = found[2], edged
+    if found is not None and rod.obstacles is not sharp:
+        total = found[2]
         found = remove_rounding(rod, found[0], found[1], sharp, options.step_tolerance)
         found = None if found is None else (found[0], found[1], total + found[2])
-        rod.obstacles = sharp
+    rod.obstacles = sharp
     rod.yield_at_end(give)
     if found is None:
         rod.restore(kept, mesh)

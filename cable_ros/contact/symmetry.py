@@ -19,6 +19,8 @@ symmetric; and by how much that has grown in a step, for near a fork the mesh an
 method make one uneven that is the same from both ends."""
 LEANT = 1e-2
 """As OUT, for a shape that a cable falls from: near a fold rounding has more of a lever."""
+GRID = np.linspace(0.0, 1.0, 65)
+"""Where shapes are compared."""
 
 
 class Symmetry(NamedTuple):

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.penalty_continuation import GRID
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.rod_state import ENERGY
@@ -46,8 +47,6 @@ ROUNDING = 1e-9
 """Relative rise of the energy that is rounding."""
 SAME_ENDS = 1e-9
 """Maximum difference of conditions that are the same: they are computed from another fraction of the path."""
-GRID = np.linspace(0.0, 1.0, 33)
-"""Where shapes are compared."""
 Ends = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """End frame, end position, load per length and obstacles, of `Rod.advance`."""
 Passed = Callable[..., bool]
