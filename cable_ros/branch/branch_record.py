@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cable_ros.branch.cold_start import Conditions, Found, equilibria
+from cable_ros.branch.cold_start import Conditions, Found, Sought, Starts
 from cable_ros.branch.snap_through import SnapThrough
 from cable_ros.contact.distance import POSE
 from cable_ros.contact.nodal_twin import FADING, STEP
@@ -16,6 +16,8 @@ from cable_ros.rod.ends import Ends
 
 SEARCH_INTERVAL = 0.1
 """Minimum motion of the clamps, L or rad, between two searches for other equilibria."""
+SEARCH_WORK = 150_000.0
+"""Maximum work of each, iterations times unknowns, about 300 ms: where it is not over, others may be near."""
 ALIKE = 1e-2
 """Maximum relative difference of energy and end moment of one equilibrium, found twice by coarse searches."""
 MOST_REPORTED = 3
@@ -186,19 +188,34 @@ def is_unique(
     here: Found, stiffness: np.ndarray, natural: np.ndarray, compliance: np.ndarray | None, tolerance: float,
     ends: Ends | None = None,
 ) -> bool:  # fmt: skip
-    """Whether a search finds no other equilibrium without contact within half a turn of twist.
+    """Whether a search finds no other equilibrium within half a turn of twist.
 
     The equilibria of a cable without contact differ by about whole turns of twist, and a cold start takes the
-    nearest to the last one; or they are mirror images and the like, of which nothing decides. Obstacles
-    outside the scene are not known here, either.
+    nearest to the last one; or they are mirror images and the like, of which nothing decides. Nor does
+    anything tell whether the cable is caught on an obstacle. Those outside the scene are not known here.
+
+    Args:
+        here: an equilibrium without contact.
+        stiffness, natural, compliance, tolerance, ends: see `cold_start.Sought`.
     """
     rod, moment = here.rod, here.rod.reactions().copy()
     size = float(np.linalg.norm(moment))
-    free = Conditions(rod.qe, rod.re, rod.f)
-    for other in equilibria(stiffness, natural, free, here.twist, tolerance, True, compliance, ends):
-        if abs(other.twist - here.twist) >= np.pi:
-            continue
-        turned = float(np.linalg.norm(other.rod.reactions() - moment)) > ALIKE * (1.0 + size)
-        if turned or abs(other.energy - here.energy) > ALIKE * (1.0 + abs(here.energy)):
+
+    def other(one: Found) -> bool:
+        if abs(one.twist - here.twist) >= np.pi:
+            return False
+        turned = float(np.linalg.norm(one.rod.reactions() - moment)) > ALIKE * (1.0 + size)
+        return turned or abs(one.energy - here.energy) > ALIKE * (1.0 + abs(here.energy))
+
+    # those without contact are many times as quick to find
+    for obstacles in (None,) if rod.obstacles is None else (None, rod.obstacles):
+        conditions = Conditions(rod.qe, rod.re, rod.f, obstacles)
+        sought = Sought(stiffness, natural, conditions, here.twist, tolerance, compliance, ends)
+        search, work = Starts(sought, thorough=True), SEARCH_WORK
+        while not search.over:
+            if work <= 0.0 or any(other(one) for one in search.found):
+                return False
+            work -= search.descend()
+        if any(other(one) for one in search.found):
             return False
     return True

@@ -108,6 +108,22 @@ def test_a_cable_of_another_number_of_turns_stays_lost() -> None:
         assert abs(found.total_twist - known.total_twist) > math.pi
 
 
+def test_a_cable_that_may_be_caught_on_an_obstacle_stays_lost() -> None:
+    """It touches neither beam, and is alone in that; yet it could just as well bear on both."""
+    case = drawn_case(169, 114, 1e-4)
+    scene = case_scene(case)
+    (cable,) = scene.cables
+    tracker = Tracker(replace(scene, cables=(replace(cable, total_twist=3.2),)))
+    before = tracker.solve(case.path[13])["cable"]
+    caught = Tracker(scene).solve(case.path[13])["cable"]
+    assert len(before.contacts) == 0 < len(caught.contacts)
+    assert abs(before.total_twist - abs(caught.total_twist)) < math.pi
+    tracker.distrust({"cable": TOLD})
+    after = tracker.solve(case.path[14])["cable"]
+    assert len(after.contacts) == 0
+    assert after.status is Status.BRANCH_LOST
+
+
 def test_a_glitch_through_an_obstacle_ends_on_the_same_branch() -> None:
     """A pose on the way that cannot be reached is left out; the cable comes back as it went."""
     tracker = Tracker(load_scene("config/space_arm_sphere.yaml"))
