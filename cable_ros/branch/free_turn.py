@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A round weightless cable between clamps in one line is free to turn about it: where it turns to."""
+"""A round weightless cable between clamps in one line is free to turn about it: where it turns to.
+
+It turns the shorter way, and where an obstacle is in that way it comes to rest on it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from cable_ros.branch.cold_start import Conditions
+from cable_ros.contact.clearance import clearance
+from cable_ros.contact.report import coefficients
 from cable_ros.contact.symmetry import GRID
 from cable_ros.rod import quaternion
 from cable_ros.rod.clamp_stiffness import clamp_response
@@ -27,6 +32,13 @@ HOLD = 1e-4
 """Part of the elastic stiffness that holds the cable where its clamp stiffness is computed."""
 AS_FAR = 1e-3
 """Maximum difference of the ways to two places, rad, at which a rule chooses and not the way."""
+
+LEAST_TURN = 0.01
+"""Shortest turn, rad, after which it is looked whether an obstacle is in the way."""
+REACH = 0.5
+"""Maximum distance of a cable from the line, L, between clamps on it."""
+INSIDE = 1e-6
+"""Depth inside an obstacle, L, beyond that before, that is in the way."""
 
 
 def place_to_turn_to(
@@ -53,7 +65,7 @@ def place_to_turn_to(
     norm = np.linalg.norm
     if np.hypot(A, B) <= SLIGHT * (norm(F) * norm(motion[:3]) + norm(moment) * norm(motion[3:])):
         return None
-    return _turned(q, F, float(np.arctan2(-B, -A)))
+    return _turned(rod, q, F, float(np.arctan2(-B, -A)))
 
 
 def is_beside(rod: Rod, conditions: Conditions) -> bool:
@@ -87,7 +99,7 @@ def places_beside(
     if of_first_order > FIRST_ORDER * of_second_order or motion @ motion == 0.0:
         return []
     angle = 0.5 * float(np.arctan2(-2.0 * work[0, 1], work[1, 1] - work[0, 0]))
-    places = [_turned(q, F, one) for one in (angle, angle - np.copysign(np.pi, angle))]
+    places = [_turned(rod, q, F, one) for one in (angle, angle - np.copysign(np.pi, angle))]
     if 0.5 * np.pi - abs(angle) < AS_FAR:
         places.sort(key=lambda place: -side(rod.mesh.interpolate(place[0], GRID), GRID))
     return places
@@ -114,9 +126,33 @@ def _turned_back(motion: np.ndarray) -> np.ndarray:
     return np.array([motion[1], -motion[0], motion[2], motion[4], -motion[3], motion[5]])
 
 
-def _turned(q: np.ndarray, F: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    """The frames (n, 4) and the end force (3,), turned about the line by an angle, rad."""
+def _turned(rod: Rod, q: np.ndarray, F: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """The frames (n, 4) and the end force (3,), turned about the line by an angle, rad, if they can."""
+    angle = _as_far_as_clear(rod, q, angle)
     turn = np.array([np.cos(0.5 * angle), 0.0, 0.0, np.sin(0.5 * angle)])
     back = quaternion.conjugate(turn)
     turned = np.array([quaternion.multiply(quaternion.multiply(turn, one), back) for one in q])
     return turned, quaternion.rotate(turn, F)
+
+
+def _as_far_as_clear(rod: Rod, q: np.ndarray, angle: float) -> float:
+    """The angle, rad, or how far the frames q (n, 4) can be turned before an obstacle is in the way."""
+    if rod.obstacles is None:
+        return angle
+    c, h = coefficients(q, rod.mesh.lengths, rod.mesh.element), rod.mesh.lengths
+    s0 = np.concatenate(([0.0], np.cumsum(h)[:-1]))
+
+    def room(turned: float, most: float = np.inf) -> float:
+        cos, sin = np.cos(turned), np.sin(turned)
+        about = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        return float(clearance(c @ about.T, h, s0, rod.obstacles, most)[0])
+
+    at, left = 0.0, room(0.0)
+    deepest = min(left, 0.0) - INSIDE
+    while at < abs(angle):
+        further = min(at + max(left / REACH, LEAST_TURN), abs(angle))
+        left = room(np.copysign(further, angle), REACH * np.pi)
+        if left < deepest:
+            return float(np.copysign(at, angle))
+        at = further
+    return angle

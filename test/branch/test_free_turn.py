@@ -8,6 +8,9 @@ import pytest
 
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.carriage import on_carriage
+from cable_ros.bench.cases import case_scene
+from cable_ros.bench.drawn import drawn_case
+from cable_ros.bench.metamorphic import corners, in_states
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.free_turn import place_to_turn_to, places_beside
 from cable_ros.branch.snap_through import DESCENT
@@ -120,6 +123,24 @@ def test_an_arch_that_moves_across_goes_to_one_side_whatever_the_last_digit() ->
             np.testing.assert_allclose(home.points, told[0][0].points, atol=1e-5)
             assert aside.iterations <= 70
             np.testing.assert_allclose(aside.points, told[0][1].points, atol=1e-5)
+
+
+@pytest.mark.parametrize("states", [2, 8, 32])
+def test_it_turns_no_farther_than_to_what_is_in_its_way(states: int) -> None:
+    """Between rollers, where it is free to turn, it touches one, or by the last digit does not: then it leapt
+    over that. There and back it comes back as it went.
+    """
+    case = drawn_case(27, 75, 1e-4)
+    home, below = corners(case)[-1], corners(case)[-2]
+    tracker = Tracker(case_scene(case))
+    there, back = (
+        [tracker.arrive(joints)["cable"] for joints in in_states([a, b], states)]
+        for a, b in ((home, below), (below, home))
+    )
+    assert all(one.status.trusted for one in there + back)
+    size = np.linalg.norm(there[0].end_wrench[:3])
+    # its friction has turned back
+    np.testing.assert_allclose(back[-1].end_wrench[:3], there[0].end_wrench[:3], atol=0.01 * size)
 
 
 def led_aside(
