@@ -49,6 +49,10 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((145, 14, "wall"), 170),
         ((145, 88, "beams"), 5),
         ((158, 133), 33),
+        # falls onto edges within elements; and where a patch ends the cable touched and did not, in turn
+        ((114, 4), 11),
+        ((130, 55), 21),
+        ((170, 325), 6),
         # what turns freely was followed on along a ridge, whose margin had been 0 twice
         ((159, 42), 5),
         ((158, 287), 3),

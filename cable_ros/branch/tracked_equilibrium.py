@@ -46,7 +46,7 @@ COARSE = "Contact was solved on a grid, whose estimated error of the end wrench,
 ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
 IN_STEPS = "; friction was followed in steps, to an estimated error of the end wrench of {:.1e}."
 INACCURATE = "The estimated error of the end wrench, {:.1e}, exceeds the tolerance {:.0e}."
-SINKS = "The cable still penetrates an obstacle between contact points."
+SINKS = "The cable still penetrates an obstacle between contact points, or one would have to pull it."
 UNSTABLE = "The equilibrium that was found is not stable: its stability margin is {:.1e}."
 POLISHED = 1e-8
 """Last step of Newton's method before a mesh is judged too coarse, where it is solved again for that."""

@@ -14,9 +14,11 @@ from cable_ros.contact.gap_search import dips, scan
 from cable_ros.contact.meshing import suited
 from cable_ros.contact.path_error import NONE
 from cable_ros.contact.points import (
+    ARC_LENGTH,
     BEFORE,
     CAPACITY,
     COLUMNS,
+    FORCE,
     FRICTION,
     KIND,
     POINT,
@@ -37,6 +39,8 @@ from cable_ros.rod.kirchhoff import NOTHING, Rod
 ROWS = 3 + 6 * CAPACITY
 LARGE = {"V": False, "W": False, "responses": False, "Y_slip": False, "complement": True, "S_slip": True}
 """Arrays with ROWS rows, by name, and whether they have as many columns."""
+PULL = 1e-6
+"""Part of the largest contact force by which nothing may pull."""
 DEEPEST = 1e-5
 """Maximum depth inside an obstacle of an equilibrium, L."""
 BEDDING = 4e3
@@ -248,7 +252,9 @@ class ConstrainedRod(Rod):
         return self.count > 0
 
     def unresolved(self, q: np.ndarray, leeway: float = 1.0) -> np.ndarray:
-        """(m,) which elements are too long to stay clear of the obstacles between the samples; see `give`."""
+        """(m,) which elements are too long to stay clear of the obstacles between the samples, see `give`, or
+        so long that an obstacle would have to pull.
+        """
         if not self.count:
             return super().unresolved(q, leeway)
         out = np.empty(len(self.h))
@@ -257,7 +263,11 @@ class ConstrainedRod(Rod):
         misplaced(
             (q, self.c, self.h, self.s0), fine, self._bare(q), self.obstacles, self.points, self.count, out
         )
-        return out > 2.0 * leeway * self.give
+        long = out > 2.0 * leeway * self.give
+        forces = self.points[: self.count, FORCE]
+        pull = self.points[: self.count, ARC_LENGTH][forces < -PULL * forces.max()]
+        long[np.searchsorted(self.s0, pull, side="right") - 1] = True
+        return long
 
     def _bare(self, q: np.ndarray) -> np.ndarray:
         """The coefficients of the traced centreline of q (n, 4) without axial strain."""

@@ -13,7 +13,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
-from cable_ros.contact.gap_search import far, minimum_beside, scan
+from cable_ros.contact.gap_search import dips, far, minimum_beside, scan
 from cable_ros.contact.interfaces import SHARPER, at_edge, gap_at, lowest, sharpest_at
 from cable_ros.contact.patch_ends import settle
 from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, make_patch, rests, sample
@@ -256,6 +256,21 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                     count = add(points, count, o, s, POINT)
             changed = True
     return changed, count
+
+
+@njit(**INNER)
+def may_stay(shape, samples, obstacles, deep, points, count, pull, phi):
+    """Whether the active set may stay as it is: none of its forces pulls by more than `pull`, and between the
+    samples nothing is deeper than `deep`, L.
+
+    Other arguments as in `update_active_set`.
+    """
+    for i in range(count):
+        if points[i, FORCE] < -pull:
+            return False
+    _, c, (h, s0, _) = shape
+    scan(c, h, s0, samples, obstacles, phi)
+    return not dips(shape, samples, obstacles, phi, deep)
 
 
 @njit(**INNER)

@@ -8,7 +8,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
-from cable_ros.contact.detection import dipping, flatten, release, update_active_set
+from cable_ros.contact.detection import dipping, flatten, may_stay, release, update_active_set
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, stick
 from cable_ros.contact.interfaces import place_points
@@ -59,6 +59,11 @@ MOST_TURNS = 4
 """Maximum number of revisions in a row that undo each other: at a fold what lets go is inside once it has."""
 MOST_REVISIONS, MOST_ITERATIONS, MOST_WITH_FRICTION = 44, 25, 40
 """Maximum number of changes of the active set in a solve, and of iterations between two of them."""
+IN_TURN, SHORT, STAYS, PULLS = 8, 1e4, 100.0, 5e-3
+"""Number of such changes without friction after which a set is left as it is: in a step that turns the
+cable by less than the first multiple of the tolerance, if they move it by less than the second, and nothing
+pulls by more than this part of the end force. Where it all but rests, beside a patch's end, it touches and
+does not, in turn, and only a finer mesh tells."""
 LOOSE = 1e-2
 """Largest step, rad or over the end force, that ends the iterations where presliding is still halved."""
 FIRM = 0.5
@@ -181,13 +186,15 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     worked, most = 0.0, max(budget, LEAST_WORK)
     friction = np.empty((points.shape[0], 3))
     small, swaps = factors.S, np.empty(0, np.int64)
+    unsettled_before = 0.0
+    since, F_then = 0.0, F.copy()  # rotation since the last set was solved, and its end force
     tangent, moved = True, False  # `tangent`: the tangent step, which moves the end
     least, worst = 0, 1.0
     steady = model != COULOMB  # whether no direction of friction is part of the iteration
     holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
     revised, turns = 0, 0  # contacts added in the last revision, and how often as many went as had come
     known = known and ready and (f == last.f).all() and (obstacles == last.obstacles).all()
-    for _ in range(MOST_REVISIONS):
+    for revision in range(MOST_REVISIONS):
         if total > (MOST_FROM_SOFT if softest > 0.0 else MOST_IN_ALL):
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         converged = False
@@ -264,8 +271,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             scale = max(scale, options.least)
             ends, moment = move_ends(points, count, y, spacing, model == FRICTIONLESS)
             felt = max(step, couple / scale)
-            turned = max(felt, ends)
+            turned, unsettled = max(felt, ends), max(felt, change / scale)
             step = max(turned, change / scale)
+            since += largest(s)
             if not tangent:
                 total, worked = total + 1, worked + iteration_work(n, total_rows)
                 rate = max(min(step / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, rotation)
@@ -284,19 +292,30 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                     # the shape hardly depends on how neighbouring samples share their force
                     step, converged = turned, True
                     break
-                if worked > most or (iteration > 12 and stagnates and model == FRICTIONLESS):
+                # places of points that hardly differ swing while all else settles
+                nearer = unsettled < 0.9 * unsettled_before
+                if worked > most or (iteration > 12 and stagnates and not nearer and model == FRICTIONLESS):
                     return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
             tangent = False
-            size = step
+            size, unsettled_before = step, unsettled
         if not converged:
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         # the error of the iteration must not pass for penetration
         left = depth + step * rate
         trace(shape, (F_new, f), contacts, count, obstacles, strain)
-        held = count
-        changed, count = update_active_set(
-            shape, samples, obstacles, left, left - depth + give, points, count, phi
-        )
+        held, changed = count, False
+        in_turn = model == FRICTIONLESS and revision >= IN_TURN
+        in_turn = in_turn and foreseen <= SHORT * tolerance and since <= STAYS * tolerance
+        for a in range(3):
+            in_turn = in_turn and abs(F_new[a] - F_then[a]) <= ROUNDING * tolerance * scale
+        if not (
+            in_turn and may_stay(shape, samples, obstacles, 2.0 * give, points, count, PULLS * scale, phi)
+        ):
+            changed, count = update_active_set(
+                shape, samples, obstacles, left, give + step * rate, points, count, phi
+            )
+        since = 0.0
+        copy(F_new, F_then)
         turns = turns + 1 if (count - held) * revised < 0 else 0
         if turns > MOST_TURNS and model == FRICTIONLESS:
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen

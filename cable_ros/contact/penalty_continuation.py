@@ -124,6 +124,8 @@ def _descend(
         code, iterations, q_new, F_new = rod.correct(q, F, options.step_tolerance)
         if code == warm_step.ADVANCED:
             return q_new, F_new, total + iterations
+        # beside a fold there may be no equilibrium whose contacts bear within an element
+        q = rod.fit(q)
     return None
 
 
