@@ -220,7 +220,8 @@ def continue_branch(
         force = forces[-1][1]
         # a grid does not resolve how a taut cable bends, and may fail on the way back as well
         known = len(forces) == 1 and was_taut
-        slackens |= known and code == warm_step.TOO_FAR and _norm(F_new) < SLACKENS * force
+        strays = code in (warm_step.TOO_FAR, warm_step.NOT_CONTRACTING)
+        slackens |= known and strays and _norm(F_new) < SLACKENS * force
         if known and slackens and step > LEAST * longest:
             step *= min(rod.stride, 0.5)  # the first steps of the way back are the shortest
             continue
