@@ -277,10 +277,10 @@ FOUND = {
     (164, 278): "smooth beams pushed down until the cable slides off their ends",
     (165, 696): "up a smooth ball and off it: of two images always the same one, however the path is told",
     (166, 103): "a heavy cable slides along the edge of a smooth beam as it falls",
+    (123, 41): "over a smooth edge: a fall onto it, whose rounding is taken away in many steps",
     (135, 4): "pushed by a smooth beam: it falls onto an edge, which is inside an element then",
     (159, 223): "a heavy cable falls over a narrow smooth beam",
     (163, 529): "a heavy cable slides along the edges of two smooth beams, and falls",
-    (172, 232): "a drum pulls a weightless cable taut: the way back begins where Newton's method goes astray",
     (169, 114): "it slides along the edges of two beams and falls: once lost, it was known again elsewhere",
     (166, 310): "over a smooth edge: an element beside the clamp so short that no sample is in it",
 }

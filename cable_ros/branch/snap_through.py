@@ -38,7 +38,7 @@ JUMP = 0.05
 """Minimum rotation of a section, rad, that shows another branch: a step of SHORTEST along one turns less."""
 AWAY = 0.2
 """The same for a few such steps back from a fold, where the shape changes like the root of the load."""
-SNAP_WORK = 90_000.0
+SNAP_WORK = 120_000.0
 """Minimum budget of a snap-through: without it no call would get past a fold."""
 FALL_WORK, FALL_CALL = 600_000.0, 150_000.0
 """The same of a fall with friction, which else would be forgotten until `reset`: of one that has to end in

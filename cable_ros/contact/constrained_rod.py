@@ -264,6 +264,8 @@ class ConstrainedRod(Rod):
             (q, self.c, self.h, self.s0), fine, self._bare(q), self.obstacles, self.points, self.count, out
         )
         long = out > 2.0 * leeway * self.give
+        if self.model != FRICTIONLESS:
+            return long
         forces = self.points[: self.count, FORCE]
         pull = self.points[: self.count, ARC_LENGTH][forces < -PULL * forces.max()]
         long[np.searchsorted(self.s0, pull, side="right") - 1] = True

@@ -20,6 +20,8 @@ CORE = 0.8
 """Maximum radius, fraction of the body's smallest half width."""
 FINEST = 0.01
 """Fraction of ROUNDING below which edges are made sharp."""
+CLOSEST = 0.97
+"""Maximum ratio of the radii before and after such a step."""
 MOST_STEPS = 60
 """Maximum number of steps from rounded to sharp edges."""
 
@@ -63,8 +65,10 @@ def remove_rounding(
             if at == 0.0:
                 return q, F, total
             ratio *= ratio
-        elif ratio > 0.95:
+            continue
+        ratio = np.sqrt(max(ratio, 0.06))
+        while target == 0.0 and ratio * at <= FINEST and ratio <= CLOSEST:  # the same step again
+            ratio = np.sqrt(ratio)
+        if ratio > CLOSEST:
             return None
-        else:
-            ratio = np.sqrt(max(ratio, 0.06))
     return None

@@ -261,7 +261,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             foreseen = step if tangent else foreseen
             if not step <= limit:
                 return TOO_FAR, total, count, total_rows, moved, rotation, foreseen
-            rotation += step
+            rotation, since = rotation + step, since + step
             quaternion.retract(q_new, s, q_new)
             close(q_new, qe)
             if not (tangent and carried):
@@ -273,7 +273,6 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             felt = max(step, couple / scale)
             turned, unsettled = max(felt, ends), max(felt, change / scale)
             step = max(turned, change / scale)
-            since += largest(s)
             if not tangent:
                 total, worked = total + 1, worked + iteration_work(n, total_rows)
                 rate = max(min(step / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, rotation)

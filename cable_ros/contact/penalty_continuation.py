@@ -36,6 +36,8 @@ DESCENT_OPTIONS = Options(
     radius=0.1, largest_radius=0.3, iterations=60, step_tolerance=1e-8, constraint_tolerance=1e-8
 )
 """For a descent that must not leave its basin."""
+MOST_HARDER = 100
+"""Maximum number of iterations of a descent among harder obstacles from where one among softer ones ended."""
 SOFT = 2
 """Work of an iteration among soft obstacles over that of another: each tries several radii."""
 SHARE = 0.3
@@ -94,7 +96,8 @@ def _descend(
         if taut:
             rod.densify(DENSITIES[stage])
         soft = PenaltyProblem(rod, stiffness, foundation)
-        most = max(1, int(min(options.iterations, rod.work / (SOFT * rod.elastic.shape[0]))))
+        iterations = options.iterations if stage == first else min(options.iterations, MOST_HARDER)
+        most = max(1, int(min(iterations, rod.work / (SOFT * rod.elastic.shape[0]))))
         now = replace(options, iterations=most)
         if foundation:
             now = replace(now, step_tolerance=LAID, noise=QUADRATURE)

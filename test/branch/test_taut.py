@@ -110,6 +110,16 @@ def test_what_friction_holds_off_its_shortest_path_is_not_said_to_be_taut() -> N
     assert np.isnan(found[2].end_wrench).all()
 
 
+def test_it_is_led_back_where_newtons_method_goes_astray() -> None:
+    """A drum is pushed up under a weightless cable, and down again: a pose on the way back failed."""
+    case = drawn_case(172, 232, 1e-4)
+    tracker = Tracker(case_scene(case))
+    found = [tracker.arrive(joints)["cable"] for joints in case.path]
+    assert "taut" in found[2].message
+    assert {one.status for one in found[:2] + found[9:]} == {Status.CONVERGED}
+    assert force_error(found[10], found[0]) < 1e-4  # the tolerance
+
+
 def test_it_is_taut_where_a_coarse_mesh_has_slack() -> None:
     """Under a roller (drawn 153:10) the cable is drawn taut within a pose, its force up 800 times."""
     case = drawn_case(153, 10, 1e-4, "rollers")
