@@ -163,6 +163,7 @@ DRAWN = {
     (173, 1522): "a heavy cable over rollers, taut: a pose is reported, later ones are lost",
     (173, 1557): "a rough tray, told in 4 times as many poses: 1.0 % at three",
     (173, 1567): "a rough ball pulls a cable taut: six poses are reported",
+    (173, 1637): "a rough ball pushed down under a cable that it pulled taut: 1.9 % off, then lost",
     (173, 1570): "a rough table: of two images by how the path is told, as a step passes the fork unseen",
 }
 """By seed and index of `drawn_case`, what is amiss."""
