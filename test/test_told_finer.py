@@ -82,6 +82,9 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((156, 0, "table"), 5),
         # a symmetric branch forks: steps crossed the fork or took a side, and a fall swung to the other one
         ((167, 708), 9),
+        # steps that were not judged led past a fork, and a fall from there to the other side of it
+        ((173, 1570), 5),
+        ((166, 524), 3),
         ((168, 143), 17),
         # against more drag a fall failed for the motion of the clamps alone
         ((159, 795), 17),

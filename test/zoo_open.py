@@ -114,7 +114,6 @@ DRAWN = {
     (166, 313): "a heavy cable on a rough tray: a contact slides 9.5e-4 L the way its friction pushes",
     (166, 366): "heavy, over a rough beam in three poses: one is reported",
     (166, 509): "rough beams pushed up until the cable is taut: reported, and on the way back, too",
-    (166, 524): "over rough beams in three poses, told in 4 times as many: 58 % at one pose",
     (167, 37): "a rough lift: beside its clamp a contact is said to stick and has moved 1.7e-3 L",
     (167, 81): "a rough ball pushed up, told in 4 times as many poses: 5.0 % at one pose, it says 2.3 %",
     (167, 340): "over a smooth edge: 1.0e-6 of the length inside at two poses of 201",
@@ -164,7 +163,6 @@ DRAWN = {
     (173, 1557): "a rough tray, told in 4 times as many poses: 1.0 % at three",
     (173, 1567): "a rough ball pulls a cable taut: six poses are reported",
     (173, 1637): "a rough ball pushed down under a cable that it pulled taut: 1.9 % off, then lost",
-    (173, 1570): "a rough table: of two images by how the path is told, as a step passes the fork unseen",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {

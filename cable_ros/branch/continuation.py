@@ -46,6 +46,8 @@ SHORT = 0.02
 """Maximum step, as a fraction of the longest, that counts as short; see `descend_instead`."""
 IN_A_ROW = 3
 """Number of steps after which a longer one is tried although each took many iterations."""
+BACK = 0.25
+"""Length of the first step after a continuation has gone back, over how far that was."""
 LEAST = 1e-9
 """Fraction of the longest step below which a step is rounding error."""
 OVERHEAD = 250
@@ -87,6 +89,20 @@ class End(enum.Enum):
     TAUT = enum.auto()
     """Around an obstacle its force goes to infinity, as extrapolated, before the end of the path."""
     STUCK = enum.auto()
+
+
+@dataclass(frozen=True, eq=False)
+class Sound:
+    """An equilibrium that is stable for sure, to which a continuation may go back."""
+
+    at: float
+    """Fraction of the path."""
+    q: np.ndarray
+    """(n, 4) nodal frames."""
+    F: np.ndarray
+    """(3,) end force."""
+    put_back: Callable[[], None]
+    """See `Rod.kept`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +164,7 @@ def continue_branch(
     was_taut, slackens = first >= taut_force and not rod.on_grid, False
     allowed = longest  # how long a step friction's changes in the last one allow, whether or not it is solved
     rod.forked = False
+    sound: Sound | None = None
 
     def ended(end: End) -> Continuation:
         return Continuation(end, at, q, F, iterations, tuple(snaps), rod, step, fork)
@@ -260,6 +277,17 @@ def continue_branch(
         if folding:
             rod.patience = 0
         gives_way = not folding and (hard or not stable)
+        follows = rod.frictional and not (rod.on_grid or rod.lies)
+        if follows and stable and (sound is None or sound.at < at):
+            sound = Sound(at, q, F, rod.kept())
+        elif follows and not (stable or hard) and sound is not None and sound.at < at:
+            # steps that were not judged have led past a fork, on a branch that may not be the cable's
+            step, at, q, F = BACK * (at - sound.at), sound.at, sound.q, sound.F
+            sound.put_back()
+            rod.refactor(q, F)
+            rod.refactor_at, sound = 0.0, None  # from here on each step is judged
+            forces, failed = [(at, _norm(F))], 0
+            continue
         if rod.on_grid:
             may_fall = far < FALL and code != warm_step.TOO_FAR
         else:

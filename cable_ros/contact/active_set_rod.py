@@ -15,7 +15,7 @@ from cable_ros.contact.frictional_rod import FrictionalRod
 from cable_ros.contact.meshing import CLOSEST, fitted, layered
 from cable_ros.contact.newton import active_set_newton, iteration_work
 from cable_ros.contact.patches import resample
-from cable_ros.contact.path_error import STILL
+from cable_ros.contact.path_error import STILL, PathError
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -197,14 +197,16 @@ class ActiveSetRod(FrictionalRod):
         self.points[: self.count] = points
 
     def kept(self) -> Callable[[], None]:
-        return partial(self._put_back, self.state(), self.mesh, (self.qe, self.re, self.f, self.obstacles))
+        conditions = self.qe, self.re, self.f, self.obstacles
+        return partial(self._put_back, self.state(), self.mesh, conditions, self.followed)
 
     def _put_back(
-        self, state: tuple[np.ndarray, int, np.ndarray, np.ndarray], mesh: Mesh, conditions: tuple[Any, ...]
-    ) -> None:
+        self, state: tuple[np.ndarray, int, np.ndarray, np.ndarray], mesh: Mesh, conditions: tuple[Any, ...],
+        followed: PathError,
+    ) -> None:  # fmt: skip
         self.restore(state, mesh)
         self.set_conditions(*conditions)
-        self.ready = False
+        self.ready, self.followed = False, followed
 
     def lets_go(self, q: np.ndarray, F: np.ndarray, near: float) -> bool:
         """Whether at the equilibrium (q, F) all that holds the cable is a point that hardly presses any more,
@@ -267,7 +269,7 @@ class ActiveSetRod(FrictionalRod):
         assert self.obstacles is not None
         asked = self.qe, self.re, self.f, tolerance, limit, self.obstacles, remesh
         if self.lies and not self.creeps and self.presliding == 0.0:
-            put_back, found_on, followed = self.kept(), self.found_on, self.followed
+            put_back, found_on = self.kept(), self.found_on
             then = self._state_of(q)
             self.still = True
             found = self.step_in_contact(q, F, *asked)
@@ -276,7 +278,7 @@ class ActiveSetRod(FrictionalRod):
             if easy and self._settled(then, found[2]):
                 return found
             put_back()
-            self.found_on, self.followed = found_on, followed
+            self.found_on = found_on
         before = self.points[: self.count].copy()
         found = self.step_in_contact(q, F, *asked)
         if found[0] == warm_step.ADVANCED:
