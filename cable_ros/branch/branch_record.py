@@ -212,10 +212,8 @@ def is_unique(
         conditions = Conditions(rod.qe, rod.re, rod.f, obstacles)
         sought = Sought(stiffness, natural, conditions, here.twist, tolerance, compliance, ends)
         search, work = Starts(sought, thorough=True), SEARCH_WORK
-        while not search.over:
-            if work <= 0.0 or any(other(one) for one in search.found):
-                return False
+        while not search.over and work > 0.0 and not any(map(other, search.found)):
             work -= search.descend()
-        if any(other(one) for one in search.found):
+        if not search.over or any(map(other, search.found)):
             return False
     return True

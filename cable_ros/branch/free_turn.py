@@ -32,7 +32,6 @@ HOLD = 1e-4
 """Part of the elastic stiffness that holds the cable where its clamp stiffness is computed."""
 AS_FAR = 1e-3
 """Maximum difference of the ways to two places, rad, at which a rule chooses and not the way."""
-
 LEAST_TURN = 0.01
 """Shortest turn, rad, after which it is looked whether an obstacle is in the way."""
 REACH = 0.5
@@ -139,8 +138,8 @@ def _as_far_as_clear(rod: Rod, q: np.ndarray, angle: float) -> float:
     """The angle, rad, or how far the frames q (n, 4) can be turned before an obstacle is in the way."""
     if rod.obstacles is None:
         return angle
-    c, h = coefficients(q, rod.mesh.lengths, rod.mesh.element), rod.mesh.lengths
-    s0 = np.concatenate(([0.0], np.cumsum(h)[:-1]))
+    h, s0 = rod.mesh.lengths, rod.mesh.starts
+    c = coefficients(q, h, rod.mesh.element)
 
     def room(turned: float, most: float = np.inf) -> float:
         cos, sin = np.cos(turned), np.sin(turned)

@@ -454,7 +454,7 @@ class ActiveSetRod(FrictionalRod):
             which: (m,) which elements.
             asked: of `step_in_contact`, from the end frame to the obstacles.
         """
-        put_back, direction, followed = self.kept(), self.direction, self.followed
+        put_back, direction = self.kept(), self.direction
         fresh = self._onto(self.mesh.split(which), q)
         code, spent, q_new, F_new = self.correct(fresh, F, asked[3], 0.6, remesh=False)
         if code == warm_step.ADVANCED:
@@ -464,7 +464,7 @@ class ActiveSetRod(FrictionalRod):
             return spent, (q_new, F_new)
         put_back()
         self.refactor(q, F)  # the finer mesh had its own factors
-        self.direction, self.followed = direction, followed
+        self.direction = direction
         return spent, None
 
     def _begin_soft(

@@ -303,13 +303,12 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         left = depth + step * rate
         trace(shape, (F_new, f), contacts, count, obstacles, strain)
         held, changed = count, False
-        in_turn = model == FRICTIONLESS and revision >= IN_TURN
-        in_turn = in_turn and foreseen <= SHORT * tolerance and since <= STAYS * tolerance
+        stays = model == FRICTIONLESS and revision >= IN_TURN
+        stays = stays and foreseen <= SHORT * tolerance and since <= STAYS * tolerance
         for a in range(3):
-            in_turn = in_turn and abs(F_new[a] - F_then[a]) <= ROUNDING * tolerance * scale
-        if not (
-            in_turn and may_stay(shape, samples, obstacles, 2.0 * give, points, count, PULLS * scale, phi)
-        ):
+            stays = stays and abs(F_new[a] - F_then[a]) <= ROUNDING * tolerance * scale
+        slight = PULLS * scale
+        if not (stays and may_stay(shape, samples, obstacles, 2.0 * give, points, count, slight, phi)):
             changed, count = update_active_set(
                 shape, samples, obstacles, left, give + step * rate, points, count, phi
             )
