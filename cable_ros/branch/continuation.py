@@ -67,14 +67,14 @@ VERY_TAUT = 2e4
 """`TAUT` of a cable whose end the extrapolation tells to 1 % of its slack."""
 AS_GOOD_AS_TAUT = 1e6
 """End force, EI / L^2, at which a cable that gets tauter is not followed any farther: with friction at all,
-without it no farther than STRAINS tells."""
+without it up to MOST_FORCE."""
 TAUTER, UNRESOLVED = 10.0, 0.1
 """Growth of the end force that asks whether the mesh resolves how the cable bends, and the error that it must
 not have: a mesh that is too coarse has slack where the cable is taut."""
 SLACKENS = 0.5
 """End force that a step which is too long would have led to, over that before, which shows the way back."""
-STRAINS = 2.0
-"""Growth of the end force of a cable that was as good as taut already beyond which it is not followed."""
+MOST_FORCE = 2e6
+"""End force, EI / L^2, above which such a cable is not followed even without friction if the force rises."""
 NEARLY = 2.0
 """Such a cable may be taut before the end of the path if that is expected within this many rests of it."""
 
@@ -210,7 +210,7 @@ def continue_branch(
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
         if rod.frictional and code in (warm_step.ADVANCED, warm_step.TOO_FAR):
             allowed = min((target - at) * rod.stride, longest)
-        if code == warm_step.ADVANCED and put_back is not None and _norm(F_new) > STRAINS * first:
+        if code == warm_step.ADVANCED and put_back is not None and _norm(F_new) > max(first, MOST_FORCE):
             put_back()  # from there it may not be led back
             rod.refactor(q, F)
             return ended(End.TAUT)

@@ -16,7 +16,7 @@ from cable_ros.branch.cable_model import CLAMP_DEPTH
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
 from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, continue_branch
 from cable_ros.branch.mirror_image import GRID, by_rule
-from cable_ros.branch.refinement import MOST_ELEMENTS, better_mesh, on_mesh, refine, without_slivers
+from cable_ros.branch.refinement import MOST_ELEMENTS, afresh, better_mesh, on_mesh, refine, without_slivers
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.friction_kernels import COULOMB, SLIDING
@@ -187,7 +187,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         if rod.on_grid:  # the grid does not depend on the tolerance
             self._resolved = tolerance
             return
-        spare, forgetful = copy.deepcopy(rod), None
+        spare = copy.deepcopy(rod)
         if rod.refactor(self._q, self._F):
             found = Found.at(rod, self._q, self._F)
             if not rod.touches:
@@ -201,16 +201,12 @@ class FollowedEquilibrium(SearchedEquilibrium):
             if estimate <= tolerance and not fine.rod.forgot:
                 self._take(fine, self._joints)
                 return
-            forgetful = fine if estimate <= tolerance else None
         if rod.relative_error(self._q, self._F) <= tolerance:
             # the mesh is fine enough
             self._rod, self._resolved = spare, tolerance
             return
         if self._onto_grid(rod, self._q, self._F):
             self._resolved = tolerance
-            return
-        if forgetful is not None:
-            self._take(forgetful, self._joints)
             return
         self._rod = None
         self._lose(f"it could not be brought to the tolerance {tolerance:g}")
@@ -316,6 +312,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
             if self._remembers and not any(snap.jumped for snap in result.snaps):
                 self._add_motion(before, False, partial(self._free_twist, kinematics, index))
             if result.end is End.ARRIVED:
+                self._afresh = False
                 return self._finish(
                     Status.CONVERGED, Status.CONVERGED.sentence, result.iterations, poses, begin
                 )
@@ -327,6 +324,10 @@ class FollowedEquilibrium(SearchedEquilibrium):
                 Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
             )
             return replace(unfinished, iterations=result.iterations)
+        if result.end in (End.UNFINISHED, End.STUCK) and self._begin_afresh(rod, reached):
+            self._record = self._record.with_waiting(reached, joints)
+            later = Status.UNFINISHED
+            return self.failed(later, later.sentence, time.perf_counter() - begin)
         if within and (too_short := self._too_short(there.obstacles, there.re)):
             return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - begin)
         force, taut = float(np.linalg.norm(self._F)), result.end is End.TAUT
@@ -355,6 +356,21 @@ class FollowedEquilibrium(SearchedEquilibrium):
             why += " with all friction that friction_model: sliding asks for"
         cause = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved again from a cold start"
         return self._cold(kinematics, joints, poses, begin, self._twist, cause)
+
+    def _begin_afresh(self, rod: Rod, joints: np.ndarray) -> bool:
+        """Whether the present equilibrium, at `joints`, has got another mesh: the branch may go on there.
+
+        Once between two poses, and not with friction, whose history belongs to the mesh.
+        """
+        if self._afresh or self._ends is not None or not rod.touches:
+            return False
+        if rod.on_grid or rod.remembers or rod.frictional or not rod.refactor(self._q, self._F):
+            return False
+        self._afresh = True
+        fresh = afresh(Found.at(rod, self._q, self._F), self.tolerance)
+        if fresh is not None:
+            self._take(fresh, joints)
+        return fresh is not None
 
 
 def largest_difference(a: np.ndarray, b: np.ndarray) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import Found, settle
+from cable_ros.branch.cold_start import Conditions, Found, first_mesh, same, settle
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
 
@@ -24,16 +24,35 @@ SLIVER = 1e-6
 SHORTEST_ELEMENT = 1e-8
 """Length, L, of an element that is not halved any more: a cable that lies beside a clamp may leave the
 surface 1e-6 of its length from it, and how both share what presses there is known where that is resolved."""
+MOST_WORK = 200_000.0
+"""Work after which no finer mesh is tried any more, iterations times unknowns: 0.3 s. Mostly it is 1,500."""
 
 
 def on_mesh(found: Found, mesh: Mesh) -> Found | None:
-    """The same equilibrium on another mesh."""
+    """The same equilibrium on another mesh; its work is that of the rod found, too."""
     mesh = found.rod.suited(mesh)
     q = found.rod.mesh.interpolate(found.q, mesh.nodes)
     q[0], q[-1] = found.q[0], found.q[-1]
     rod = found.rod.variant(mesh)
     rod.stay((found.q, found.rod.h.copy(), found.rod.s0.copy()))
-    return settle(rod, q, found.F)
+    rod.work = found.rod.work
+    one = settle(rod, q, found.F)
+    found.rod.work = rod.work
+    return one
+
+
+def afresh(found: Found, tolerance: float) -> Found | None:
+    """The same equilibrium on a mesh of its own, or None if another one is found there.
+
+    A mesh that has followed contacts for long may be coarse where they come to next.
+    """
+    rod = found.rod
+    conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    again = on_mesh(found, first_mesh(conditions, found.twist, tolerance))
+    if again is None:
+        return None
+    fine, estimate = refine(again, tolerance)
+    return fine if estimate <= tolerance and same(fine, found) else None
 
 
 def better_mesh(rod: Rod, estimate: float, tolerance: float) -> Mesh:
@@ -78,7 +97,7 @@ def without_slivers(mesh: Mesh, least: float = SLIVER) -> Mesh:
 
 def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[Found, float]:
     """The equilibrium on a mesh with an error of at most `accept` * tolerance, or the best one; its error."""
-    iterations = found.iterations
+    iterations, budget = found.iterations, found.rod.work
     rod = found.rod.for_tolerance(tolerance)
     if rod is not found.rod:
         closer = settle(rod, found.q, found.F)
@@ -87,7 +106,7 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
         found = closer
         iterations += closer.iterations
     estimate = found.rod.relative_error(found.q, found.F)
-    tried = [(found, estimate)]
+    tried, found.rod.work = [(found, estimate)], MOST_WORK
     for _ in range(8):
         unresolved = found.rod.unresolved(found.q)
         errors = found.rod.clamp_errors(found.q, found.F)
@@ -103,9 +122,9 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
         if len(mesh.lengths) > MOST_ELEMENTS:
             break
         finer = on_mesh(found, mesh)
-        if finer is None and mesh.lengths.min() < SHORT:
+        if finer is None and mesh.lengths.min() < SHORT and found.rod.work > 0.0:
             finer = on_mesh(found, without_slivers(mesh, SHORT))
-        if finer is None:
+        if finer is None and found.rod.work > 0.0:
             finer = on_mesh(found, found.rod.mesh.split(np.ones(len(found.rod.h), bool)))
         if finer is None:
             break
@@ -115,9 +134,13 @@ def refine(found: Found, tolerance: float, accept: float = AIM * 2.0) -> tuple[F
             break  # rounding: no mesh does better
         found, estimate = finer, new
         tried.append((found, estimate))
+        if found.rod.work <= 0.0:
+            break
+    left = found.rod.work
     if len(tried) > 1 and _largest_error(*tried[-1]) > tolerance:
         found, estimate = min(tried, key=lambda one: _largest_error(*one))
         found.rod.refactor(found.q, found.F)
+    found.rod.work = budget - (MOST_WORK - left)
     return Found(found.rod, found.q, found.F, found.energy, found.twist, iterations), estimate
 
 

@@ -90,6 +90,7 @@ class TrackedEquilibrium(CableModel):
         self._snapped = 0  # times with friction on the way to a pose that has not been reached yet
         self._crawled = 0  # solves in a row that hardly got on
         self._share = 1.0  # of the longest step: what is left to try after a budget without progress
+        self._afresh = False  # whether it has got another mesh since the last pose
         self._taut_force = VERY_TAUT  # end force, EI / L^2, from which this branch is known to be taut
         self._grid_history: GridHistory | None = None
         self._off_grid = Backoff(LONGEST_STAY)

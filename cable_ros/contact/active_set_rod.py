@@ -331,7 +331,8 @@ class ActiveSetRod(FrictionalRod):
         goal = (qe, re, f), obstacles, (tolerance, limit, self.rotation, self.refactor_at)
         factors = self.A, self.L, self.pivots, Y, S
         found = self._newton(q, F, goal, factors)
-        if found[0] in FAILED and self.drag == 0.0:  # else a step against more drag costs less
+        # a step against more drag costs less
+        if found[0] in FAILED and self.drag == 0.0 and self.work > 0.0:
             more, found = self._begin_soft(q, F, goal, factors, found, distance, (kept, mesh))
             spent += more
         code, iterations, moved, turned, foreseen, q_new, F_new = found

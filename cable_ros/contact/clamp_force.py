@@ -5,13 +5,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.contact.distance import gap
+from cable_ros.contact.distance import gap, gaps
 from cable_ros.contact.patches import NODES, inside
 from cable_ros.contact.points import ARC_LENGTH, FORCE, LENGTH, OBSTACLE
 from cable_ros.rod import quaternion
 
 LEVEL = 1e-6
 """Maximum angle, rad, between a plane and a clamp's tangent that is along it."""
+ON_PLANE = 1e-9
+"""Largest gap of a clamp on a plane, L, up to which a cable lies. One that comes down leaves the plane for
+0.007 of its length before the clamp at 1e-8."""
 Z_AXIS = np.array([0.0, 0.0, 1.0])
 
 
@@ -42,13 +45,18 @@ def clamp_error(
     for o in np.unique(points[:, OBSTACLE]).astype(int):
         if not inside(points, len(points), o, s):
             continue
-        gap(obstacles[o], r, n, directions, bends)
+        lies = gap(obstacles[o], r, n, directions, bends) < ON_PLANE
         error = lifts_off(o, s, grid, points)
-        if error == 0.0 and bending and not bends.any() and abs(t @ n) < LEVEL:
+        if (lies or error == 0.0) and bending and not bends.any() and abs(t @ n) < LEVEL:
             pressing = (1.0 + compliance * (force @ t)) * (force @ n)
             error = abs(bending * pressing - (M @ t) * (M @ n)) / bending
         out = max(out, error)
     return out
+
+
+def on_plane(obstacles: np.ndarray, r: np.ndarray) -> bool:
+    """Whether a clamp at r (3,) is on the surface of one of the `obstacles` (o, WIDTH)."""
+    return bool(gaps(obstacles, r).min() < ON_PLANE)
 
 
 def lifts_off(o: int, s: float, grid: tuple[np.ndarray, np.ndarray], points: np.ndarray) -> float:

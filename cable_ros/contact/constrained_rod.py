@@ -94,7 +94,7 @@ class ConstrainedRod(Rod):
         self.points = np.zeros((CAPACITY, COLUMNS))
         self.count, self.rows = 0, 3
         # `_patch_friction` and the contact points' arc lengths when `friction_error` was last computed
-        self.friction_then, self.arc_lengths_then = 0.0, np.zeros(0)
+        self.friction_then, self.arc_lengths_then, self.on_plane_then = 0.0, np.zeros(0), 0
         self.settled: np.ndarray | None = None  # the shape at which the gradient with contact was computed
         self.gaps, self.normals = np.zeros(ROWS), np.zeros((CAPACITY, 3))
         super().__init__(mesh, stiffness, natural, **more)

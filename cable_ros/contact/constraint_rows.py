@@ -203,7 +203,8 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             total += 1
         for b in range(begin, total):
             copy(V[b], W[b])
-        rests = points[i, KIND] == POINT and points[i, SLOPE_ROW] > 0.0 and friction[STIFFNESS] > 0.0
+        rests = points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0 and friction[STIFFNESS] > 0.0
+        rests = rests and points[i, FORCE] >= FAINT
         away = min(points[i, ARC_LENGTH], 1.0 - points[i, ARC_LENGTH]) > BESIDE_CLAMP
         if rests and away and not soft:
             same = False

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cable_ros.contact.assembly import nodal
-from cable_ros.contact.clamp_force import clamp_error
+from cable_ros.contact.clamp_force import clamp_error, on_plane
 from cable_ros.contact.constrained_rod import ConstrainedRod
 from cable_ros.contact.contact_entry_points import point_forces
 from cable_ros.contact.dead_loads import DeadLoads
@@ -199,7 +199,7 @@ class FixedSetRod(ConstrainedRod):
         little if friction is smooth, but friction keeps its history, and the wrench of a cable that is nearly
         free to move sideways depends on it.
         """
-        self.friction_then = self._patch_friction()
+        self.friction_then, self.on_plane_then = self._patch_friction(), self._on_plane()
         self.arc_lengths_then = self.points[: self.count, ARC_LENGTH].copy()
         if self.friction_then == 0.0:
             return 0.0
@@ -215,7 +215,12 @@ class FixedSetRod(ConstrainedRod):
         return float(relative_change(change, np.concatenate((F, self.g[-1])), self.least))
 
     def contact_changed(self) -> bool:
-        """Whether contact points or friction along patches have changed much since `friction_error`."""
+        """Whether contact points or friction along patches have changed much since `friction_error`.
+
+        Or a clamp has come down where the cable lies, of whose force more is known then.
+        """
+        if self._on_plane() > self.on_plane_then:
+            return True
         if self.count == 0 or self.model == FRICTIONLESS:
             return False
         if not self.has_patch:
@@ -223,6 +228,13 @@ class FixedSetRod(ConstrainedRod):
             return len(before) != len(here) or bool(np.abs(here - before).max() > SHIFTED)
         now, then = self._patch_friction(), self.friction_then
         return abs(now - then) > CHANGED * max(now, then)
+
+    def _on_plane(self) -> int:
+        """Number of clamps that are on an obstacle's surface, if the cable lies anywhere; see `on_plane`."""
+        if not self.has_patch:
+            return 0
+        assert self.obstacles is not None
+        return on_plane(self.obstacles, NOTHING) + on_plane(self.obstacles, self.re)
 
     def _patch_friction(self) -> float:
         """Sum of the friction along patches."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, njit
-from cable_ros.contact.distance import FRICTION_COEFFICIENT
-from cable_ros.contact.patches import SAMPLES, WEIGHTS, cover, grounded, rests, sample_place
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
+from cable_ros.contact.patches import CLAMPED, SAMPLES, WEIGHTS, cover, grounded, rests, sample_place
 from cable_ros.contact.points import (
     APART,
     ARC_LENGTH,
@@ -37,6 +37,7 @@ from cable_ros.contact.points import (
     slide_along,
 )
 from cable_ros.linalg.copies import copy
+from cable_ros.rod.centreline import position
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
@@ -300,7 +301,8 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
             continue
         ob = obstacles[int(points[i, OBSTACLE])]
         edge = 0.0 if kind == FIRST else 1.0
-        if abs(s - edge) < 0.5 * spacing and grounded(c, h, s0, ob, edge):
+        beside = abs(s - edge) < 0.5 * spacing and grounded(c, h, s0, ob, edge)
+        if beside or dips_to_clamp(c, h, s0, ob, s, edge):
             count = remove(points, count, i)
             changed = True
             continue
@@ -317,6 +319,24 @@ def settle(c, h, s0, points, count, spacing, obstacles, depth):
         i += 1
     lifted, left, count = lift_off(points, count, c, h, s0, spacing, obstacles)
     return changed or lifted, left, count
+
+
+@njit(**INNER)
+def dips_to_clamp(c, h, s0, obstacle, s, clamp):
+    """Whether the cable is inside the obstacle half way from arc length s to a clamp that rests on it.
+
+    However little: how much of a cable that lies up to the clamp presses there depends on it.
+
+    Args:
+        c, h, s0: as in `settle`.
+        obstacle: (WIDTH,).
+        s, clamp: L; the latter is 0 or 1.
+    """
+    if not rests(c, h, s0, obstacle, clamp):
+        return False
+    r = np.empty(3)
+    position(c, h, s0, 0.5 * (s + clamp), r)
+    return gap(obstacle, r, np.empty(3), np.empty((2, 3)), np.empty(2)) < -CLAMPED
 
 
 @njit(**INNER)

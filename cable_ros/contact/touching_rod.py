@@ -103,7 +103,8 @@ class TouchingRod(ActiveSetRod):
                 known = self._from_contacts(q, F, options.step_tolerance)
             if known is not None:
                 return known
-            self.forgot = self.forgot or (self.model == COULOMB and self.frictional)
+            if self.model == COULOMB and self.frictional and not self.forgot:
+                return None  # a descent forgets friction
             near = replace(options, iterations=min(options.iterations, MOST_NEAR))
             kept, mesh = self.state(), self.mesh
             found = descend(self, q, F, near, NEAR)
