@@ -109,10 +109,6 @@ class ActiveSetRod(FrictionalRod):
         """A function that computes the coefficients of the centreline of q (n, 4), which it keeps."""
         return partial(coefficients, q, self.mesh.lengths, self.mesh.element)
 
-    def centreline(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """(m, g + 1, 3) of `centreline.curve`, for q (n, 4) under the end force F (3,)."""
-        return coefficients(q, self.mesh.lengths, self.mesh.element)
-
     def spend(self, iterations: int) -> None:
         """Count iterations with the present mesh and contacts as work done."""
         self.work -= iterations * self.iteration_work

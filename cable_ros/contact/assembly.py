@@ -230,7 +230,8 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
                     before[a] -= 0.5 * (s - points[i, WAS]) * (at.t[a] - old[a])
             stiffness = stick_stiffness(points[i], mu * points[i, FORCE], history)
             if not held:
-                increment, limit = (before, turned, slid, initial), terms.tangents[i]
+                stays = history.in_turn and flips > 0
+                increment, limit = (before, turned, slid, initial, stays), terms.tangents[i]
                 flips += update_friction(points, i, at, mu, history, stiffness, increment, limit)
             for a in range(3):
                 terms.misfits[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / stiffness

@@ -70,6 +70,8 @@ class History(NamedTuple):
     """Stiffness of stick per length along a patch, EI / L^4."""
     still: bool
     """Whether nothing but the mesh has changed: what slips then goes on in its direction."""
+    in_turn: bool
+    """Whether points stick and slip in turn: then one of them changes at a time."""
     c: np.ndarray
     """(m, g + 1, 3) the centreline of the last equilibrium."""
     closed: np.ndarray

@@ -29,6 +29,7 @@ from cable_ros.contact.points import (
     SLIPS,
     STICK_ROW,
 )
+from cable_ros.contact.report import coefficients
 from cable_ros.contact.resolution import highest_mode
 from cable_ros.contact.response import Contacts, wrench_response
 from cable_ros.rod import error_estimate
@@ -162,6 +163,10 @@ class FixedSetRod(ConstrainedRod):
         """
         return boundaries[-1] if self._yields else self.re
 
+    def centreline(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """(m, g + 1, 3) of `centreline.curve`, for q (n, 4) under the end force F (3,)."""
+        return coefficients(q, self.mesh.lengths, self.mesh.element)
+
     def clamp_errors(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
         """(2,) relative errors of the clamps' forces where the cable lies beside them; see `clamp_error`.
 
@@ -175,10 +180,10 @@ class FixedSetRod(ConstrainedRod):
         starts = NOTHING, q[0], F + self.f + self.contact_force(), -self.g[0]
         ends = self.re, q[-1], F, self.g[-1]
         section = self.K[0] if even else 0.0, self.compliance[2]
-        grid = self.h, self.s0
+        curve = self.centreline(q, F), self.h, self.s0
         size = relative_change(np.array([1.0, 0, 0, 0, 0, 0]), np.concatenate((F, self.g[-1])), self.least)
         errors = [
-            clamp_error(s, clamp, section, grid, points, self.obstacles)
+            clamp_error(s, clamp, section, curve, points, self.obstacles)
             for s, clamp in ((0.0, starts), (1.0, ends))
         ]
         return size * np.array(self.clamps) * errors

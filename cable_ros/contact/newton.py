@@ -64,6 +64,9 @@ IN_TURN, SHORT, STAYS, PULLS = 8, 1e4, 100.0, 5e-3
 cable by less than the first multiple of the tolerance, if they move it by less than the second, and nothing
 pulls by more than this part of the end force. Where it all but rests, beside a patch's end, it touches and
 does not, in turn, and only a finer mesh tells."""
+ONE_BY_ONE = 12
+"""Number of iterations with one set of contacts after which one point at a time begins to stick or to slip,
+the first that should: where all do at once, they may go to and fro for ever (Murty, 1974)."""
 LOOSE = 1e-2
 """Largest step, rad or over the end force, that ends the iterations where presliding is still halved."""
 FIRM = 0.5
@@ -168,7 +171,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         lengthen((old_c, closed, old_h, old_s0), ratio, shift)
     before = old_c, closed, old_h, old_s0, last.obstacles
     presliding = max(softest, options.presliding)
-    history = History(model, options.direction, presliding, options.bedding, still, *before)
+    history = History(model, options.direction, presliding, options.bedding, still, False, *before)
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
         for a in range(3):
@@ -199,7 +202,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         converged = False
         for iteration in range(MOST_WITH_FRICTION if model == COULOMB else MOST_ITERATIONS):
-            changes = 0
+            changes, in_turn = 0, iteration >= ONE_BY_ONE
+            history = History(model, options.direction, presliding, options.bedding, still, in_turn, *before)
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
             if not tangent:
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
@@ -320,7 +324,6 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         revised = count - held
         if not changed and presliding > options.presliding:
             presliding = firmer(points, count, obstacles, options, presliding)
-            history = History(model, options.direction, presliding, options.bedding, still, *before)
         elif not changed:
             moved = moved or coarse(points, count, h, s0, finest) or dipping(points, count)
             judged = model == FRICTIONLESS and fresh
