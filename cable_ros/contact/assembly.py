@@ -33,6 +33,7 @@ from cable_ros.contact.points import (
     MOTION,
     OBSTACLE,
     POINT,
+    SAMPLE,
     SHIFT,
     SLIP_BEFORE,
     SWINGS,
@@ -157,7 +158,7 @@ def point_terms(size):
     return PointTerms(
         np.zeros((size, 2, 3)), np.zeros((size, 2)), np.zeros(size), np.zeros((size, 3)), np.zeros(size),
         np.zeros((size, TANGENT)), np.zeros((size, 3)), np.zeros((size, 3)), np.zeros((size, 3)),
-        np.zeros((size, 3)),
+        np.zeros((size, 3)), np.zeros((size, 3)),
     )  # fmt: skip
 
 
@@ -222,16 +223,17 @@ def evaluate_points(shape, obstacles, history, contacts, count, terms, initial, 
                 carry(history.obstacles[o], obstacle, np.zeros(3), old)
                 for a in range(3):
                     terms.creep[i, a] = long * at.t[a] - old[a]
-            elif not initial and points[i, WAS] > 0.0:
+            elif not initial and points[i, KIND] != SAMPLE:
                 # where contact moves along a cable that spins on the obstacle, slip is that half way
                 derivative(curve, history.h, history.s0, s, old)
                 carry(history.obstacles[o], obstacle, np.zeros(3), old)
+                way, share = (s - points[i, WAS], 0.5) if points[i, WAS] > 0.0 else (0.0, 1.0)
                 for a in range(3):
-                    before[a] -= 0.5 * (s - points[i, WAS]) * (at.t[a] - old[a])
+                    terms.drift[i, a] = share * (at.t[a] - old[a])
+                    before[a] -= way * terms.drift[i, a]
             stiffness = stick_stiffness(points[i], mu * points[i, FORCE], history)
             if not held:
-                stays = history.in_turn and flips > 0
-                increment, limit = (before, turned, slid, initial, stays), terms.tangents[i]
+                increment, limit = (before, turned, slid, initial), terms.tangents[i]
                 flips += update_friction(points, i, at, mu, history, stiffness, increment, limit)
             for a in range(3):
                 terms.misfits[i, a] = before[a] + (points[i, FRICTION + a] - turned[a]) / stiffness

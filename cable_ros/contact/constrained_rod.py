@@ -106,6 +106,7 @@ class ConstrainedRod(Rod):
         self.V, self.W, self.responses = np.empty((ROWS, n)), np.empty((ROWS, n)), np.empty((ROWS, n))
         self.lines = np.zeros((ROWS, 3))
         self.upto, self.owners = np.zeros(ROWS, np.int64), np.zeros(ROWS, np.int64)
+        self.movers, self.shifts = np.zeros(ROWS, np.int64), np.zeros(ROWS)
         self.delta, self.complement = np.zeros(ROWS), np.empty((ROWS, ROWS))
         # with friction: `skew_factor`'s
         self.Y_slip, self.S_slip = np.empty((ROWS, n)), np.empty((ROWS, ROWS))
@@ -173,7 +174,8 @@ class ConstrainedRod(Rod):
     @property
     def constraints(self) -> tuple[np.ndarray, ...]:
         """`ConstraintRows`."""
-        return self.V, self.W, self.delta, self.lines, self.upto, self.owners
+        marks = self.upto, self.owners, self.movers, self.shifts
+        return self.V, self.W, self.delta, self.lines, *marks
 
     def kkt(self, factors: tuple[np.ndarray, ...]) -> tuple[tuple[np.ndarray, ...], ...]:
         """`KKT` with these factors."""
@@ -282,7 +284,7 @@ class ConstrainedRod(Rod):
 
     def assemble(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
         """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
-        friction = model, self.direction, self.presliding, self.bedding, False, False
+        friction = model, self.direction, self.presliding, self.bedding, False
         history = *friction, self.c, self.c, self.h, self.s0, self.obstacles
         assert len(q) == len(self.mesh.nodes)  # compiled code does not look
         return int(assemble_kkt(

@@ -91,7 +91,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
     """
     q, _, (h, s0, tables) = shape
     points, gaps, normals = contacts
-    V, W, delta, lines, upto, owners = rows
+    V, W, delta, lines, upto, owners, movers, shifts = rows
     geometric, dchord, C = tangents.geometric, tangents.dchord, tangents.C
     N, primitives = tables.values, tables.primitives
     order = N.shape[1] - 1
@@ -101,7 +101,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
         for j in range(columns):
             V[a, j] = C[a, j]
         delta[a] = 0.0
-        owners[a] = count
+        owners[a], movers[a] = count, 0
     total = 3 + count
     same = True
     D, frame = np.empty((4, nd)), np.empty((4, nd))
@@ -152,7 +152,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
         delta[3 + i] = YIELD * points[i, LENGTH] ** 3 if points[i, KIND] == SAMPLE else 0.0
         copy(normals[i], lines[3 + i])
         begin = total
-        upto[3 + i], owners[3 + i] = e, i
+        upto[3 + i], owners[3 + i], movers[3 + i] = e, i, 0
         points[i, STICK_ROW] = points[i, SLIP_ROW] = 0.0
         friction = terms.tangents[i]
         slip = friction[DIRECTION] != 0.0 or friction[DIRECTION + 1] != 0.0 or friction[DIRECTION + 2] != 0.0
@@ -216,7 +216,13 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             )
             total += 2
         for b in range(begin, total):
-            upto[b], owners[b] = e, i
+            upto[b], owners[b], movers[b] = e, i, 0
+        if rests and away and not soft:
+            begin = int(points[i, SLIP_ROW] if slip else points[i, STICK_ROW])
+            for b in range(begin, begin + (1 if slip else 2)):
+                movers[b], shifts[b] = int(points[i, SLOPE_ROW]), 0.0
+                for a in range(3):
+                    shifts[b] += lines[b, a] * terms.drift[i, a] / points[i, FORCE]
     for e in range(h.shape[0]):
         if reached[e]:
             stiffen(q, e, N, pulls[e], geometric)
@@ -226,6 +232,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
         copy(V[b], W[b])
     for b in range(held, total):
         copy(V[b], W[b])
+        movers[b] = 0
     for i in range(count):
         stick_constraints(points, i, terms.misfits, lines, gaps)
     if soft:

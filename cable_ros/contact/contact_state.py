@@ -70,8 +70,6 @@ class History(NamedTuple):
     """Stiffness of stick per length along a patch, EI / L^4."""
     still: bool
     """Whether nothing but the mesh has changed: what slips then goes on in its direction."""
-    in_turn: bool
-    """Whether points stick and slip in turn: then one of them changes at a time."""
     c: np.ndarray
     """(m, g + 1, 3) the centreline of the last equilibrium."""
     closed: np.ndarray
@@ -201,6 +199,8 @@ class PointTerms(NamedTuple):
     """(k, 3) tangents of the cable."""
     dt: np.ndarray
     """(k, 3) curvature vectors of the cable, 1 / L."""
+    drift: np.ndarray
+    """(k, 3) derivative by the arc length of how far the cable has moved over the obstacle in the step."""
     creep: np.ndarray
     """(k, 3) change since the last equilibrium of the position's derivative by the arc length, just before
     the point; 0 for a cable that keeps its length."""

@@ -74,14 +74,14 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
         stiffness: of its stick, EI / L^3.
         increment: (3,) the increment since the last equilibrium, L; (3,) the friction then, EI / L^2, and
             (3,) the slip of the step before, L, both turned with the obstacle; whether to take that friction,
-            sticking or slipping as then; whether it goes on sticking or slipping, whatever its force.
+            sticking or slipping as then.
         limit: (TANGENT,) receives the tangent: direction of the slip force (zero: it sticks), direction
             across it, stiffness across, EI / L^3.
 
     Returns:
         Whether it began to stick or to slip.
     """
-    step, turned, slid, initial, stays = increment
+    step, turned, slid, initial = increment
     n, t, direction = at.n, at.t, history.direction
     for a in range(TANGENT):
         limit[a] = 0.0
@@ -130,11 +130,11 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
     norm, size = np.sqrt(norm), np.sqrt(size)
     slips = points[i, SLIPS] == 1.0
     onward = initial or history.still
-    if not slips and norm > (1.0 + ROUNDING) * cone and norm > 0.0 and not (initial or stays):
+    if not slips and norm > (1.0 + ROUNDING) * cone and norm > 0.0 and not initial:
         points[i, SLIPS] = 1.0
         trial = force
         size = norm
-    elif slips and not (onward or stays) and (size < (1.0 - ROUNDING) * cone or along < 0.0):
+    elif slips and not onward and (size < (1.0 - ROUNDING) * cone or along < 0.0):
         points[i, SLIPS] = 0.0
         if points[i, KIND] == POINT and norm > cone:
             # its cone has shrunk meanwhile: beyond it, it would slip on as before at once

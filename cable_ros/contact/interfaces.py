@@ -14,7 +14,7 @@ from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import gap
 from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT, SAMPLE, SWINGS
 from cable_ros.contact.stretched import trace
-from cable_ros.rod.centreline import derivative, direction, elongation, position
+from cable_ros.rod.centreline import derivative, direction, elongation, find_element, position
 from cable_ros.rod.centreline import shape as shape_functions
 
 SHARPER = 1.5
@@ -196,6 +196,28 @@ def move_interface(q, grid, boundary, s, before, after):
     h[e], h[boundary] = s - low, high - s
     s0[boundary] = s
     return True
+
+
+@njit(**INNER)
+def remap(field, h_old, s0_old, grid):
+    """Interpolate a field on the nodes, (3n,), on another mesh with as many elements; it is overwritten.
+
+    `h_old`, `s0_old`: (m,) lengths and starts of the elements that it was on; `grid`: `Grid` of the others.
+    """
+    h, s0, tables = grid
+    nodes = tables.nodes
+    order = nodes.shape[0] - 1
+    old = field.copy()
+    N, dN = np.empty(order + 1), np.empty(order + 1)
+    for e in range(h.shape[0]):
+        for j in range(1, order + 1):
+            node = 3 * (e * order + j)
+            k, x = find_element(s0[e] + h[e] * nodes[j], s0_old, h_old)
+            shape_functions(nodes, x, N, dN)
+            for a in range(3):
+                field[node + a] = 0.0
+                for i in range(order + 1):
+                    field[node + a] += N[i] * old[3 * (k * order + i) + a]
 
 
 @njit(**INNER)

@@ -11,7 +11,7 @@ from cable_ros.contact.contact_state import ContactSet, History, Last, Options, 
 from cable_ros.contact.detection import dipping, flatten, may_stay, release, update_active_set
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, stick
-from cable_ros.contact.interfaces import place_points
+from cable_ros.contact.interfaces import place_points, remap
 from cable_ros.contact.moving_obstacles import follow_obstacles
 from cable_ros.contact.patch_edges import meet_edges
 from cable_ros.contact.patch_ends import merge, move_ends, shrink
@@ -64,9 +64,6 @@ IN_TURN, SHORT, STAYS, PULLS = 8, 1e4, 100.0, 5e-3
 cable by less than the first multiple of the tolerance, if they move it by less than the second, and nothing
 pulls by more than this part of the end force. Where it all but rests, beside a patch's end, it touches and
 does not, in turn, and only a finer mesh tells."""
-ONE_BY_ONE = 12
-"""Number of iterations with one set of contacts after which one point at a time begins to stick or to slip,
-the first that should: where all do at once, they may go to and fro for ever (Murty, 1974)."""
 LOOSE = 1e-2
 """Largest step, rad or over the end force, that ends the iterations where presliding is still halved."""
 FIRM = 0.5
@@ -106,6 +103,10 @@ def skew_factor(kkt, count, order, drag):
     banded.factor(A, 3, n - 3, order, U, pivots)
     complement(kkt.rows.V, kkt.rows.W, False, count, order, kkt.factors)
     give_way(S, kkt.strain.skew, kkt.strain.give, kkt.rows.delta, count)
+    movers, shifts = kkt.rows.movers, kkt.rows.shifts
+    for i in range(count):
+        if movers[i] > 0:
+            S[i, movers[i]] += shifts[i]
 
 
 @njit(**OPTIONS)
@@ -171,7 +172,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         lengthen((old_c, closed, old_h, old_s0), ratio, shift)
     before = old_c, closed, old_h, old_s0, last.obstacles
     presliding = max(softest, options.presliding)
-    history = History(model, options.direction, presliding, options.bedding, still, False, *before)
+    history = History(model, options.direction, presliding, options.bedding, still, *before)
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
         for a in range(3):
@@ -202,13 +203,15 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         converged = False
         for iteration in range(MOST_WITH_FRICTION if model == COULOMB else MOST_ITERATIONS):
-            changes, in_turn = 0, iteration >= ONE_BY_ONE
-            history = History(model, options.direction, presliding, options.bedding, still, in_turn, *before)
+            changes = 0
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
             if not tangent:
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
                 edged, count = meet_edges(shape, f, obstacles, spacing, (depth, give), points, count)
+                h_was, s0_was = h.copy(), s0.copy()
                 moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
+                if drag > 0.0 and not (s0 == s0_was).all():
+                    remap(gone, h_was, s0_was, grid)  # it is the cable's, not the nodes'
                 released, count = release(shape, obstacles, points, count, False)
                 shrunk, count = shrink(points, count, spacing, depth)
                 merged, count = merge(points, count, spacing)
@@ -324,6 +327,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         revised = count - held
         if not changed and presliding > options.presliding:
             presliding = firmer(points, count, obstacles, options, presliding)
+            history = History(model, options.direction, presliding, options.bedding, still, *before)
         elif not changed:
             moved = moved or coarse(points, count, h, s0, finest) or dipping(points, count)
             judged = model == FRICTIONLESS and fresh

@@ -207,7 +207,7 @@ def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, est
         count: number of rows.
         estimate: of `Estimate`.
     """
-    V, _, _, lines, upto, _ = rows
+    V, lines, upto = rows[0], rows[3], rows[4]
     _, residual, _ = estimate
     c = np.zeros(count)
     condense(q, Fe, conditions, section, grid, enrichment, (lines, upto), estimate, c)

@@ -153,6 +153,11 @@ class ConstraintRows(NamedTuple):
     """(rows,) number of whole elements before that position."""
     owners: np.ndarray
     """(rows,) which contact point's position it is; of the first three, the number of points."""
+    movers: np.ndarray
+    """(rows,) number of the row whose multiplier moves that point along the cable, where its slip or stick
+    changes with it; else 0."""
+    shifts: np.ndarray
+    """(rows,) change of the constraint by that multiplier, L^2 / EI."""
 
 
 class Enrichment(NamedTuple):

@@ -142,8 +142,8 @@ def test_what_lands_slips_with_its_friction_at_once(moved: float, slips: bool) -
     points, tangent, step = np.zeros((1, COLUMNS)), np.empty(TANGENT), moved * at(2.0) - 1e-3 * NORMAL
     there, curves = surface()._replace(n=NORMAL, t=at(0.5)), np.zeros((2, 1, 1, 3))
     last = *curves, np.zeros(1), np.zeros(1), np.zeros((1, WIDTH))
-    history = History(COULOMB, np.zeros(3), 0.0, 1.0, False, False, *last)
-    update_friction(points, 0, there, 0.3, history, 1e8, (step, *np.zeros((2, 3)), False, False), tangent)
+    history = History(COULOMB, np.zeros(3), 0.0, 1.0, False, *last)
+    update_friction(points, 0, there, 0.3, history, 1e8, (step, *np.zeros((2, 3)), False), tangent)
     assert bool(points[0, SLIPS]) == slips
     against = tangent[DIRECTION : DIRECTION + 3]
     np.testing.assert_allclose(against, -at(2.0) if slips else np.zeros(3), atol=1e-12)
