@@ -25,7 +25,7 @@ from cable_ros.contact.travel import travel
 from cable_ros.equilibrium import Equilibrium, Status
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
-from cable_ros.rod.kirchhoff import ALGEBRAIC, Rod
+from cable_ros.rod.kirchhoff import ALGEBRAIC, FREE_TO_TURN, Rod
 from cable_ros.rod.rod_state import TWIST
 from cable_ros.rod.units import relative
 from cable_ros.scene import Kinematics
@@ -112,10 +112,16 @@ class FollowedEquilibrium(SearchedEquilibrium):
         if far > min(rod.longest_step, rod.next_step):
             return self._continue_to(kinematics, index, joints, poses, begin)
         before, shape = conditions_of(rod) if self._remembers else None, (rod.mesh, self._q)
+        put_back = rod.kept() if rod.frictional and not rod.on_grid else None
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
         )
         rod.note_step(code, iterations, far)
+        hard = code == warm_step.ADVANCED and iterations > SMOOTH
+        if hard and put_back is not None and rod.stability_margin() < -FREE_TO_TURN:
+            # stability is not judged in each step with friction: this one has led past a fold
+            put_back()
+            code = warm_step.NOT_CONVEX
         if code == warm_step.ADVANCED:
             self._q, self._F, self._joints = q, F, joints
             if rod.forked:

@@ -13,7 +13,7 @@ from cable_ros.branch.cold_start import Conditions, Found, settled
 from cable_ros.branch.free_turn import is_beside, place_to_turn_to, places_beside
 from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.contact.symmetry import LEANT
-from cable_ros.contact.travel import travel
+from cable_ros.contact.travel import FORCE_CHANGE, travel
 from cable_ros.rod import warm_step
 from cable_ros.rod.initial_shapes import aside
 from cable_ros.rod.kirchhoff import FREE_TO_TURN, Rod
@@ -325,6 +325,7 @@ def fall_with_friction(
     there, shape = path(end), rod.mesh.interpolate(q, GRID)
     energy, twist = rod.linearize(q, F)[0], float(rod.totals[TWIST])
     spare = max((FALL_WORK if rod.on_grid else FALL_CALL) - rod.work, 0.0)
+    put_back = rod.kept()
     rod.work += spare
     fallen = rod.fall_with_friction(pushed(rod, q), F, there.qe, there.re, there.f, there.obstacles)
     rod.work -= spare
@@ -334,6 +335,10 @@ def fall_with_friction(
         return None
     found = Found.at(rod, *fallen)
     jumped = has_jumped(shape, rod.mesh.interpolate(found.q, GRID))
+    change, size = (float(np.linalg.norm(one)) for one in (found.F - F, F))
+    if not (jumped or rod.on_grid) and change > FORCE_CHANGE * max(size, rod.least):
+        put_back()  # a step may not change as much
+        return None
     record = SnapThrough(
         at, energy, float(rod.totals[ENERGY]), twist, float(rod.totals[TWIST]), jumped, False, 0.0, 0.0,
         crossed=jumped,

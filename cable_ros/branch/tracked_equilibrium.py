@@ -36,6 +36,8 @@ GRID = 0.05
 """Maximum estimated error of an equilibrium with friction on a grid of contacts; see `NodalRod`."""
 REFINE = 0.4
 """Part of that from which a grid becomes finer: the error that friction has once, it keeps."""
+SAMPLED = 1e-3
+"""Maximum error, by what friction does between its samples, that is told: a grid's is mostly larger."""
 ACCEPT_ROUGH = 0.25
 """As ACCEPT, with friction at points alone. The estimate holds in place what sticks; where its friction is
 held instead, as a judge does who is told that friction, the error was up to three times the estimate."""
@@ -44,6 +46,7 @@ MOST_OF_PATH = 0.5
 """The largest such error of what is published, relative: mostly it is told two or three times too large."""
 COARSE = "Contact was solved on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
+AT_SAMPLES = "; friction is known at samples, to an estimated error of the end wrench of {:.1e}."
 IN_STEPS = "; friction was followed in steps, to an estimated error of the end wrench of {:.1e}."
 INACCURATE = "The estimated error of the end wrench, {:.1e}, exceeds the tolerance {:.0e}."
 SINKS = "The cable still penetrates an obstacle between contact points, or one would have to pull it."
@@ -264,8 +267,10 @@ class TrackedEquilibrium(CableModel):
             if snapped is not None:
                 self._record_snaps([snapped[1]])
             beside = rod.clamp_errors(self._q, self._F).max()
+        resolved = max(self._estimate, beside) <= self.tolerance
         self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
-        if self._estimate > self.tolerance:
+        told = resolved and rod.frictional and self._estimate <= SAMPLED
+        if self._estimate > self.tolerance and not told:
             moved = self._onto_better_grid(rod, self._q, self._F)
             return iterations, "" if moved else INACCURATE.format(self._estimate, self.tolerance)
         return iterations, SINKS if sinks else ""
@@ -274,7 +279,10 @@ class TrackedEquilibrium(CableModel):
         """Status and message of the present equilibrium, with all that its user should know."""
         converged, record = status is Status.CONVERGED, self._record
         if converged and error > self.tolerance:
-            message = f"{message[:-1]}{(ON_GRID if error <= self._error else IN_STEPS).format(error)}"
+            rod = self._rod
+            assert rod is not None
+            of_contact = ON_GRID if rod.on_grid or self._grid_history is not None else AT_SAMPLES
+            message = f"{message[:-1]}{(of_contact if error <= self._error else IN_STEPS).format(error)}"
         if converged and self._margin < FREE_TO_TURN:
             message = FREE
         if record.loss is not None:

@@ -17,6 +17,7 @@ from cable_ros.contact.friction_kernels import (
 from cable_ros.contact.point_couples import has_arm, hold_rows
 from cable_ros.contact.points import (
     ARC_LENGTH,
+    AT_EDGE,
     FIRST,
     FORCE,
     FRICTION,
@@ -204,7 +205,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
         for b in range(begin, total):
             copy(V[b], W[b])
         rests = points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0 and friction[STIFFNESS] > 0.0
-        rests = rests and points[i, FORCE] >= FAINT
+        rests = rests and points[i, FORCE] >= FAINT and points[i, AT_EDGE] == 0.0  # no edge holds it there
         away = min(points[i, ARC_LENGTH], 1.0 - points[i, ARC_LENGTH]) > BESIDE_CLAMP
         if rests and away and not soft:
             same = False

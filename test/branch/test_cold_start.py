@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from references.equilibria import KNOWN, relative_difference, wrench
 
-from cable_ros.branch.cold_start import Conditions, equilibria, first_mesh
+from cable_ros.branch import refinement
+from cable_ros.branch.cold_start import Conditions, Found, equilibria, first_mesh
 from cable_ros.branch.refinement import AIM, better_mesh, on_mesh, refine
+from cable_ros.rod.elements import Mesh
 
 ARM = KNOWN["space_arm_+0.0deg"]
 NAMES = ("space_arm_+0.0deg", "space_arm_+90.0deg", "cable_00", "cable_04", "cable_09")
@@ -114,3 +116,22 @@ def test_the_same_equilibrium_on_another_mesh() -> None:
     assert halved is not None
     assert relative_difference(wrench(halved), wrench(found)) < 1e-9
     assert halved.iterations <= 3
+
+
+def test_refinement_ends_when_its_work_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A heavy lift on rough ground took 8 s to try seven meshes, none of which would do."""
+    tried = []
+
+    def on_mesh(found: Found, mesh: Mesh) -> Found | None:
+        found.rod.work -= refinement.MOST_WORK
+        tried.append(mesh)
+        return None
+
+    monkeypatch.setattr(refinement, "on_mesh", on_mesh)
+    coarse = search(ARM.name)[0]
+    coarse.rod.work = 1e6
+    same, estimate = refinement.refine(coarse, 1e-9)
+    assert len(tried) == 1
+    assert same.rod is coarse.rod
+    assert estimate > 1e-9
+    assert coarse.rod.work == 1e6 - refinement.MOST_WORK
