@@ -123,7 +123,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
             put_back()
             code = warm_step.NOT_CONVEX
         if code == warm_step.ADVANCED:
-            self._q, self._F, self._joints = q, F, joints
+            self._q, self._F, self._joints, self._afresh = q, F, joints, False
             if rod.forked:
                 self._record = self._record.after_fork(1.0)
             if iterations > SMOOTH:

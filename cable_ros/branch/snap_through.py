@@ -38,6 +38,8 @@ JUMP = 0.05
 """Minimum rotation of a section, rad, that shows another branch: a step of SHORTEST along one turns less."""
 AWAY = 0.2
 """The same for a few such steps back from a fold, where the shape changes like the root of the load."""
+HARDLY = 1e-5
+"""Rotation of a section, rad, below which a fall has moved nothing: only friction has changed."""
 SNAP_WORK = 120_000.0
 """Minimum budget of a snap-through: without it no call would get past a fold."""
 FALL_WORK, FALL_CALL = 600_000.0, 150_000.0
@@ -336,8 +338,9 @@ def fall_with_friction(
     found = Found.at(rod, *fallen)
     jumped = has_jumped(shape, rod.mesh.interpolate(found.q, GRID))
     change, size = (float(np.linalg.norm(one)) for one in (found.F - F, F))
-    if not (jumped or rod.on_grid) and change > FORCE_CHANGE * max(size, rod.least):
-        put_back()  # a step may not change as much
+    moved = rod.on_grid or has_jumped(shape, rod.mesh.interpolate(found.q, GRID), HARDLY)
+    if not moved and change > FORCE_CHANGE * max(size, rod.least):
+        put_back()  # nothing but friction has changed, more than a step may change it
         return None
     record = SnapThrough(
         at, energy, float(rod.totals[ENERGY]), twist, float(rod.totals[TWIST]), jumped, False, 0.0, 0.0,

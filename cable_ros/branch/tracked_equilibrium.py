@@ -269,7 +269,7 @@ class TrackedEquilibrium(CableModel):
             beside = rod.clamp_errors(self._q, self._F).max()
         resolved = max(self._estimate, beside) <= self.tolerance
         self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
-        told = resolved and rod.frictional and self._estimate <= SAMPLED
+        told = resolved and self._model == COULOMB and self._estimate <= SAMPLED
         if self._estimate > self.tolerance and not told:
             moved = self._onto_better_grid(rod, self._q, self._F)
             return iterations, "" if moved else INACCURATE.format(self._estimate, self.tolerance)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.contact.distance import gap, gaps
+from cable_ros.contact.distance import gap
 from cable_ros.contact.patches import NODES, inside
 from cable_ros.contact.points import ARC_LENGTH, FORCE, LENGTH, OBSTACLE
 from cable_ros.rod import quaternion
@@ -60,7 +60,8 @@ def clamp_error(
 
 def on_plane(obstacles: np.ndarray, r: np.ndarray) -> bool:
     """Whether a clamp at r (3,) is on the surface of one of the `obstacles` (o, WIDTH)."""
-    return bool(gaps(obstacles, r).min() < ON_PLANE)
+    n, directions, bends = np.empty(3), np.empty((2, 3)), np.empty(2)
+    return any(gap(obstacle, r, n, directions, bends) < ON_PLANE for obstacle in obstacles)
 
 
 def lifts_off(

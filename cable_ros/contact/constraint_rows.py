@@ -48,6 +48,8 @@ STIFFER = 1.5
 """Maximum ratio, or its inverse, of friction's stiffness to that in the constraint rows that still serve."""
 BESIDE_CLAMP = 0.02
 """Distance to a clamp, L, within which a point hardly rolls."""
+LONG_PATCH = 0.05
+"""Length of a patch, L, above which its friction moves with its ends: a shorter one is mostly a point."""
 FAINT = 1e-9
 """EI / L^2; a point with less force than this turns no force by its motion."""
 
@@ -206,6 +208,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             copy(V[b], W[b])
         rests = points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0 and friction[STIFFNESS] > 0.0
         rests = rests and points[i, FORCE] >= FAINT and points[i, AT_EDGE] == 0.0  # no edge holds it there
+        rests = rests and (not ends or extent(points, count, i) > LONG_PATCH)
         away = min(points[i, ARC_LENGTH], 1.0 - points[i, ARC_LENGTH]) > BESIDE_CLAMP
         if rests and away and not soft:
             same = False
@@ -218,7 +221,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             total += 2
         for b in range(begin, total):
             upto[b], owners[b], movers[b] = e, i, 0
-        if rests and away and not soft:
+        if ends and rests and away and not soft:
             begin = int(points[i, SLIP_ROW] if slip else points[i, STICK_ROW])
             for b in range(begin, begin + (1 if slip else 2)):
                 movers[b], shifts[b] = int(points[i, SLOPE_ROW]), 0.0
@@ -239,6 +242,16 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
     if soft:
         same = not row_reaches(shape, obstacles, contacts, count, terms, rows, total, strain) and same
     return total, same
+
+
+@njit(**LEAF)
+def extent(points, count, i):
+    """Length of the patch that ends at contact point i, L; 1 if it reaches a clamp."""
+    length = 1.0
+    for k in range(count):
+        if points[k, OBSTACLE] == points[i, OBSTACLE] and points[k, KIND] >= FIRST and k != i:
+            length = min(length, abs(points[k, ARC_LENGTH] - points[i, ARC_LENGTH]))
+    return length
 
 
 @njit(**LEAF)

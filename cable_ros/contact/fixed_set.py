@@ -151,7 +151,7 @@ class FixedSetRod(ConstrainedRod):
         try:
             return np.asarray(error_estimate.error(
                 q, Fe, (self.qe, re, self.f), self.section, self.grid, self.enrichment,
-                (*self.saddle[:2], self._factors(complement)), self.constraints, self.rows,
+                (*self.saddle[:2], self._factors(complement)), self.constraints[:6], self.rows,
                 (boundaries, residual, self.shares),
             ))  # fmt: skip
         except np.linalg.LinAlgError:  # contacts depend on each other: what each bears is not known

@@ -203,11 +203,11 @@ def error(q, Fe, conditions, section, grid, enrichment, system, rows, count, est
         section, grid: of `Section` and `Grid`.
         enrichment: of `Enrichment`.
         system: of `System` at the equilibrium, factored.
-        rows: of `ConstraintRows`, those beyond the third of contact points.
+        rows: of `ConstraintRows`, the first six, those beyond the third of contact points.
         count: number of rows.
         estimate: of `Estimate`.
     """
-    V, lines, upto = rows[0], rows[3], rows[4]
+    V, _, _, lines, upto, _ = rows
     _, residual, _ = estimate
     c = np.zeros(count)
     condense(q, Fe, conditions, section, grid, enrichment, (lines, upto), estimate, c)
