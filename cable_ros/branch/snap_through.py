@@ -336,10 +336,10 @@ def fall_with_friction(
             rod.falling.rest = (end - at) / (1.0 - at)
         return None
     found = Found.at(rod, *fallen)
-    jumped = has_jumped(shape, rod.mesh.interpolate(found.q, GRID))
+    after = rod.mesh.interpolate(found.q, GRID)
+    jumped = has_jumped(shape, after)
     change, size = (float(np.linalg.norm(one)) for one in (found.F - F, F))
-    moved = rod.on_grid or has_jumped(shape, rod.mesh.interpolate(found.q, GRID), HARDLY)
-    if not moved and change > FORCE_CHANGE * max(size, rod.least):
+    if not (rod.on_grid or has_jumped(shape, after, HARDLY)) and change > FORCE_CHANGE * max(size, rod.least):
         put_back()  # nothing but friction has changed, more than a step may change it
         return None
     record = SnapThrough(

@@ -151,6 +151,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     gv = evaluation.g.reshape(n)
     s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
     gone, pull = np.zeros(n), np.empty(n)  # rotations in this step, and what the medium exerts
+    h_was, s0_was = h.copy(), s0.copy()  # the elements of `gone`
     elements = h.shape[0]
     cells = samples.shape[0] - 1
     spacing = 1.0 / cells
@@ -208,7 +209,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             if not tangent:
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
                 edged, count = meet_edges(shape, f, obstacles, spacing, (depth, give), points, count)
-                h_was, s0_was = h.copy(), s0.copy()
+                if drag > 0.0:
+                    copy(h, h_was)
+                    copy(s0, s0_was)
                 moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
                 if drag > 0.0 and not (s0 == s0_was).all():
                     remap(gone, h_was, s0_was, grid)  # it is the cable's, not the nodes'
