@@ -12,7 +12,7 @@ from cable_ros.branch.branch_switching import switch_branch
 from cable_ros.branch.cold_start import Conditions, Found, settled
 from cable_ros.branch.free_turn import is_beside, place_to_turn_to, places_beside
 from cable_ros.branch.mirror_image import GRID, by_rule
-from cable_ros.contact.symmetry import LEANT
+from cable_ros.contact.symmetry import LEANT, OUT
 from cable_ros.contact.travel import FORCE_CHANGE, travel
 from cable_ros.rod import warm_step
 from cable_ros.rod.initial_shapes import aside
@@ -201,20 +201,23 @@ def _energy(found: Found, conditions: Conditions, tolerance: float) -> float:
 def left_on_refining(before: Found, after: Found) -> tuple[Found, SnapThrough] | None:
     """The snap-through, with where it leads, of an equilibrium `before` whose finer mesh led to `after`.
 
-    A branch may end a little earlier than a coarse mesh tells. None if it has not left its branch, or is free
-    to turn there.
+    A branch may end, or fork, a little earlier than a coarse mesh tells. None if it has not left its branch,
+    or is free to turn there.
     """
     rod = before.rod
     shape = rod.mesh.interpolate(before.q, GRID)
-    if not has_jumped(shape, after.rod.mesh.interpolate(after.q, GRID), AWAY):
+    jumped = has_jumped(shape, after.rod.mesh.interpolate(after.q, GRID), AWAY)
+    if jumped and after.rod._softest() < FREE_TO_TURN:
         return None
-    if after.rod._softest() < FREE_TO_TURN:
+    forks = False
+    if jumped or (rod.touches and not rod.frictional):
+        after, forks = by_rule(after, shape, LEANT if jumped else OUT)
+    if not (jumped or forks):
         return None
     margin = rod._softest() if rod.refactor(before.q, before.F) else 0.0
-    touched = rod.frictional and bool(rod.contact_force().any()) and not rod.remembers
-    after, _ = by_rule(after, shape, LEANT)
+    touched = jumped and rod.frictional and bool(rod.contact_force().any()) and not rod.remembers
     energies, twists = (before.energy, after.energy), (before.twist, after.twist)
-    return after, SnapThrough(1.0, *energies, *twists, True, touched, margin, 0.0)
+    return after, SnapThrough(1.0, *energies, *twists, jumped, touched, margin, 0.0, forks=forks)
 
 
 def _earlier_margin(

@@ -261,7 +261,8 @@ class TrackedEquilibrium(CableModel):
             self._take(fine, self._joints)
             rod, self._estimate = fine.rod, estimate
             sinks = rod.unresolved(self._q, LENIENT).any()
-            worse = rod.forgot or sinks or self._estimate > self.tolerance or snapped is not None
+            left = snapped is not None and snapped[1].jumped
+            worse = rod.forgot or sinks or self._estimate > self.tolerance or left
             if worse and self._onto_better_grid(before.rod, before.q, before.F):
                 return iterations, ""
             if snapped is not None:

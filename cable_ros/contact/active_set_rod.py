@@ -67,6 +67,8 @@ FEWEST, SPARE_WORK = 3, 20_000.0
 little is left."""
 MANY, SOME = 8, 5
 """Number of iterations in which rounding may lead out of a plane, and friction to a side."""
+UNEVEN = 1e-3
+"""Difference of the elements' lengths from those counted from the other end, L, that leads to a side, too."""
 TURN_BACK = 0.5
 """Factor of a step that was hard to solve, and in which friction turns back at a point: it may have stuck,
 and then the cable goes elsewhere."""
@@ -352,7 +354,8 @@ class ActiveSetRod(FrictionalRod):
             code = warm_step.TOO_FAR
         falls = self.trial or self.tentative  # which does leave what is not stable
         may_fork = code == warm_step.ADVANCED and rubs and iterations > SOME and not falls
-        if may_fork and self._takes_side(mesh, q, q_new, qe, re):
+        sided = may_fork and self._takes_side(mesh, q, q_new, qe, re)
+        if sided:
             code = warm_step.TOO_FAR
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
         rotation = self.rotation + rotated if self.ready else np.inf
@@ -366,13 +369,17 @@ class ActiveSetRod(FrictionalRod):
             # predict the next step
             code = warm_step.ADVANCED if self.kkt_factor(self.drag, 3 + self.count) else warm_step.NOT_CONVEX
         if code != warm_step.ADVANCED:
-            smooth = self.model == FRICTIONLESS
-            crowded = self._crowded(kept[0]) if remesh and smooth and code in FAILED else np.zeros(0, bool)
+            too_long = np.zeros(0, bool)
+            if remesh and sided:
+                # the mesh, which patches draw to them, may have taken the side
+                too_long = np.full(len(self.h), np.abs(self.h - self.h[::-1]).max() > UNEVEN)
+            elif remesh and self.model == FRICTIONLESS and code in FAILED:
+                too_long = self._crowded(kept[0])
             self.restore(kept, mesh)
             self.direction = direction
-            if crowded.any():
+            if too_long.any():
                 asked = qe, re, f, tolerance, limit, obstacles
-                more, split = self._step_on_split(q, F, crowded, asked)
+                more, split = self._step_on_split(q, F, too_long, asked)
                 spent += more
                 if split is not None:
                     code, (q_new, F_new) = warm_step.ADVANCED, split

@@ -16,14 +16,17 @@ from cable_ros.contact.path_error import NONE, STILL
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
+    FIRST,
     FORCE,
     FRICTION,
     KIND,
+    LAST,
     LENGTH,
     NEAR_LIMIT,
     NUMBER,
     OBSTACLE,
     POINT,
+    SAMPLE,
     SLIPS,
     WAS,
 )
@@ -248,8 +251,25 @@ class FrictionalRod(FixedSetRod):
         if not self.has_patch:
             self.unforeseen, bend = slip_bend(self.points, self.count)
             return bend / possible
+        slips, turned = self._turned()
+        along = quaternion.tangents(self.mesh.interpolate(q, self.points[: self.count][slips, ARC_LENGTH]))
+        return float(np.linalg.norm(np.cross(along, turned[slips]), axis=1).sum()) / possible
+
+    def _turned(self) -> tuple[np.ndarray, np.ndarray]:
+        """(count,) which contact points slip, and (count, 3) by how much their friction changed in the step.
+
+        Of a patch that a point has become its first end tells the change of all of it: the friction is the
+        same, spread out.
+        """
         points = self.points[: self.count]
-        slips = points[points[:, SLIPS] == 1.0]
-        turned = slips[:, FRICTION:BEFORE] - slips[:, BEFORE : BEFORE + 3]
-        along = quaternion.tangents(self.mesh.interpolate(q, slips[:, ARC_LENGTH]))
-        return float(np.linalg.norm(np.cross(along, turned), axis=1).sum()) / possible
+        kind, s = points[:, KIND], points[:, ARC_LENGTH]
+        slips, before = np.asarray(points[:, SLIPS] == 1.0), points[:, BEFORE : BEFORE + 3]
+        turned, known = points[:, FRICTION:BEFORE] - before, np.asarray(before.any(axis=1))
+        for i in np.flatnonzero((kind == FIRST) & known):
+            beyond = (points[:, OBSTACLE] == points[i, OBSTACLE]) & (kind != POINT) & (s >= s[i])
+            patch = np.flatnonzero(beyond & (s <= s[beyond & (kind == LAST)].min(initial=1.0)))
+            if not known[patch[kind[patch] == SAMPLE]].any():
+                turned[i], all_of_it = turned[patch].sum(axis=0), slips[patch].any()
+                slips[patch] = False
+                slips[i] = all_of_it
+        return slips, turned

@@ -142,7 +142,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     h, s0, tables = grid
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
-    V, lines, totals = rows.V, rows.lines, evaluation.totals
+    V, totals = rows.V, evaluation.totals
     model, _, _, _, still, softest, samples, depth, give, finest, bubbles, drag, carried, _, budget = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
@@ -277,7 +277,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             if not (tangent and carried):
                 for i in range(n):
                     gone[i] += s[i]
-            change, couple, scale = correct_forces(points, count, y, lines, F_new, strain.reach.shape[0] > 0)
+            soft = strain.reach.shape[0] > 0
+            change, couple, scale = correct_forces(points, count, y, rows, total_rows, F_new, soft)
             scale = max(scale, options.least)
             ends, moment = move_ends(points, count, y, spacing, model == FRICTIONLESS)
             felt = max(step, couple / scale)
@@ -403,20 +404,22 @@ def largest_change(points, count, friction):
 
 
 @njit(**INNER)
-def correct_forces(points, count, y, lines, F, soft):
+def correct_forces(points, count, y, rows, total, F, soft):
     """Add the multipliers of a step to the forces.
 
     Args:
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
         y: (rows,) the multipliers.
-        lines: (rows, 3) of `ConstraintRows`.
+        rows, total: `ConstraintRows` and their number.
         F: (3,) the end force.
         soft: whether the cable stretches: where its points are depends on friction, that of what slips, too.
 
     Returns:
-        The largest change of a force, EI / L^2, without those of samples, the largest change of a couple that
-        holds a slope at a point, EI / L, and the size of the end force, 1e-3 at least.
+        The largest change of a force, EI / L^2, without those of samples, by its normal's turn, too; the
+        largest change of a couple that holds a slope at a point, EI / L; and the size of the end force, 1e-3
+        at least.
     """
+    lines = rows.lines
     scale, change, couple = 1e-3, 0.0, 0.0
     for a in range(3):
         F[a] += y[a]
@@ -439,4 +442,7 @@ def correct_forces(points, count, y, lines, F, soft):
         # the couple is the force times the distance that its point has still to go
         if points[i, KIND] == POINT and points[i, SLOPE_ROW] > 0.0:
             couple = max(couple, abs(y[int(points[i, SLOPE_ROW])]))
+    for b in range(3 + count, total):
+        if rows.delta[b] < 0.0 and points[rows.owners[b], KIND] != SAMPLE:
+            change = max(change, abs(y[b]))  # its normal turns, and on an edge fast
     return change, couple, scale

@@ -185,7 +185,7 @@ def sample(points, count, o, g, h, s0):
 def inherit(points, i, others, count):
     """Give sample i of `points` the pressure and friction of the nearest sample on its obstacle.
 
-    Without one it slips if the nearest contact does.
+    It slips if that does, see `slide_along`, or the nearest contact if there is no other sample.
 
     Args:
         points: (CAPACITY, COLUMNS) the contact points.
@@ -196,7 +196,7 @@ def inherit(points, i, others, count):
     if best < 0:
         slide_along(points[i], others, count)
         return
-    points[i, SLIPS] = 0.0
+    points[i, SLIPS] = others[best, SLIPS]
     for a in range(FORCE, BEFORE + 3):
         points[i, a] = others[best, a] * points[i, LENGTH] / others[best, LENGTH]
 
