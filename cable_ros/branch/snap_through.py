@@ -210,7 +210,7 @@ def left_on_refining(before: Found, after: Found) -> tuple[Found, SnapThrough] |
     if jumped and after.rod._softest() < FREE_TO_TURN:
         return None
     forks = False
-    if jumped or (rod.touches and not rod.frictional):
+    if jumped or (rod.clamped and rod.touches and not rod.frictional):
         after, forks = by_rule(after, shape, LEANT if jumped else OUT)
     if not (jumped or forks):
         return None

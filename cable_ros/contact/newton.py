@@ -71,6 +71,9 @@ FIRM = 0.5
 DIRECTED, SWINGS_ON, ROUNDS = 30.0, 0.5, 5
 """Maximum error of a point's friction, over that of the end force; what is left of it after an iteration, as
 the direction of a short slip follows the shape late; and how often more iterations are made for it."""
+SHARP = 100.0
+"""Curvature of an obstacle, 1 / L, above which the turn of a force counts as a change: on an edge it turns by
+much as the cable moves by nothing, and the start wrench with it, of which the end force tells nothing."""
 STILL = 1e-11
 """Rotations in an iteration, rad, below which points may go on changing between stick and slip."""
 ROUNDING = 10.0
@@ -443,6 +446,11 @@ def correct_forces(points, count, y, rows, total, F, soft):
         if points[i, KIND] == POINT and points[i, SLOPE_ROW] > 0.0:
             couple = max(couple, abs(y[int(points[i, SLOPE_ROW])]))
     for b in range(3 + count, total):
-        if rows.delta[b] < 0.0 and points[rows.owners[b], KIND] != SAMPLE:
-            change = max(change, abs(y[b]))  # its normal turns, and on an edge fast
+        i = rows.owners[b]
+        if (
+            rows.delta[b] < 0.0
+            and points[i, KIND] != SAMPLE
+            and -rows.delta[b] * points[i, FORCE] * SHARP < 1.0
+        ):
+            change = max(change, abs(y[b]))
     return change, couple, scale
