@@ -114,7 +114,7 @@ def snap_and_record(
     margin is known to be negative at the end of the step; `may_turn`: as in `continue_branch`.
     """
     at, margin = margins[-1]
-    touched = rod.frictional and bool(rod.contact_force().any()) and not rod.remembers
+    touched = _forgets(rod)
     shape, before = rod.mesh.interpolate(q, GRID), rod.snapshot()()
     energy, mode = rod.linearize(q, F)[0], rod.mode.copy()
     twist, end, found = float(rod.totals[TWIST]), min(1.0, at + AHEAD * step), None
@@ -155,6 +155,11 @@ def snap_and_record(
         at, energy, after, twist, found.twist, jumped, touched, margin, to_fold, crossed, forks
     )
     return found, record, end
+
+
+def _forgets(rod: Rod) -> bool:
+    """Whether it touches something with friction, which a descent forgets."""
+    return rod.frictional and bool(rod.contact_force().any()) and not rod.remembers
 
 
 def _turned(
@@ -215,9 +220,8 @@ def left_on_refining(before: Found, after: Found) -> tuple[Found, SnapThrough] |
     if not (jumped or forks):
         return None
     margin = rod._softest() if rod.refactor(before.q, before.F) else 0.0
-    touched = jumped and rod.frictional and bool(rod.contact_force().any()) and not rod.remembers
     energies, twists = (before.energy, after.energy), (before.twist, after.twist)
-    return after, SnapThrough(1.0, *energies, *twists, jumped, touched, margin, 0.0, forks=forks)
+    return after, SnapThrough(1.0, *energies, *twists, jumped, _forgets(rod), margin, 0.0, forks=forks)
 
 
 def _earlier_margin(

@@ -161,17 +161,17 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     phi = np.empty((obstacles.shape[0], cells + 1))
     covered = np.empty((obstacles.shape[0], SAMPLES * elements), np.bool_)
     cover(points, count, h, s0, covered)
-    # a cable that stretches settles beside what stands there
-    c = np.zeros((elements, N.shape[0] + 1, 4 if strain.reach.shape[0] > 0 else 3))
+    soft = strain.reach.shape[0] > 0  # a cable that stretches settles beside what stands there
+    c = np.zeros((elements, N.shape[0] + 1, 4 if soft else 3))
     old_h, old_s0 = last.h_then.copy(), last.s0_then.copy()
     old_c = np.zeros((old_h.shape[0], c.shape[1], c.shape[2]))
     old = Shape(q_then, old_c, Grid(old_h, old_s0, tables))
     trace(old, (F, f_old), contacts, count, obstacles_old, strain)
     closed = np.zeros((old_h.shape[0], N.shape[0] + 3, 3))
-    if strain.reach.shape[0] == 0:
-        close_curve(q_then, old_h, bubbles, old_c, closed)
-    else:
+    if soft:
         close_strained_curve(old, (F, f_old), contacts, count, strain.compliance, bubbles, closed)
+    else:
+        close_curve(q_then, old_h, bubbles, old_c, closed)
     if ratio != 1.0 or shift != 0.0:
         lengthen((old_c, closed, old_h, old_s0), ratio, shift)
     before = old_c, closed, old_h, old_s0, last.obstacles
@@ -280,7 +280,6 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             if not (tangent and carried):
                 for i in range(n):
                     gone[i] += s[i]
-            soft = strain.reach.shape[0] > 0
             change, couple, scale = correct_forces(points, count, y, rows, total_rows, F_new, soft)
             scale = max(scale, options.least)
             ends, moment = move_ends(points, count, y, spacing, model == FRICTIONLESS)
