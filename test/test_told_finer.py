@@ -97,6 +97,9 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         # what comes down beside what slides began to stick
         ((175, 866), 9),
         ((175, 1335), 16),
+        # where friction turns back steps took eighty iterations in vain, and a grid took over
+        ((173, 866), 17),
+        ((177, 194), 11),
         # over beams: friction did not move with the end of a patch in the tangent
         ((173, 1166), 17),
         # where a fall leads nowhere shorter steps lead on

@@ -13,7 +13,7 @@ from cable_ros.contact.edges import across_edges
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.frictional_rod import FrictionalRod
 from cable_ros.contact.meshing import CLOSEST, fitted, layered
-from cable_ros.contact.newton import active_set_newton, iteration_work
+from cable_ros.contact.newton import REVERSES, active_set_newton, iteration_work
 from cable_ros.contact.patches import resample
 from cable_ros.contact.path_error import STILL, PathError
 from cable_ros.contact.points import (
@@ -62,6 +62,8 @@ STAYS_SOFT = 1 / 256
 """Part of that which points keep, at which no rounding decides whether they stick or slip."""
 LANDED_AT_ONCE = 1e-4
 """Length of a step, L, above which nothing may come down in one that has to begin with a soft stick."""
+SLOW_REVERSAL = 1e-4
+"""Length of a step, L, in which friction turns back nearly everywhere, above which it is not begun softly."""
 FEWEST, SPARE_WORK = 3, 20_000.0
 """Number of iterations that a solve on another mesh takes at least, and work that they may take however
 little is left."""
@@ -329,11 +331,13 @@ class ActiveSetRod(FrictionalRod):
         goal = (qe, re, f), obstacles, (tolerance, limit, self.rotation, self.refactor_at)
         factors = self.A, self.L, self.pivots, Y, S
         found = self._newton(q, F, goal, factors)
-        # a step against more drag costs less
-        if found[0] in FAILED and self.drag == 0.0 and self.work > 0.0:
+        # a step against more drag costs less, and shorter ones in which friction turns back
+        softens = found[0] in FAILED or (found[0] == REVERSES and distance <= SLOW_REVERSAL)
+        if softens and self.drag == 0.0 and self.work > 0.0:
             more, found = self._begin_soft(q, F, goal, factors, found, distance, (kept, mesh))
             spent += more
         code, iterations, moved, turned, foreseen, q_new, F_new = found
+        code = warm_step.TOO_FAR if code == REVERSES else code
         self.then, landing = SAME, None
         forked = self.count < kept[1] and self._holds_alone()
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf

@@ -68,6 +68,12 @@ LOOSE = 1e-2
 """Largest step, rad or over the end force, that ends the iterations where presliding is still halved."""
 FIRM = 0.5
 """Presliding, over the motion in which any point's stick yields by itself, that counts as none."""
+REVERSES = 4
+"""How a step ends, beside the ways of `warm_step`, in which friction turns back nearly everywhere."""
+REVERSED, AT_ONCE, REVERSED_FORCE = 20, 2, 0.5
+"""Number of contacts more than which change between stick and slip in an iteration of such a step, the last
+iteration in which they do, and the part of the largest force by which one changes. Shorter steps show what
+comes to rest first; this one takes dozens of iterations and fails."""
 DIRECTED, SWINGS_ON, ROUNDS = 30.0, 0.5, 5
 """Maximum error of a point's friction, over that of the end force; what is left of it after an iteration, as
 the direction of a short slip follows the shape late; and how often more iterations are made for it."""
@@ -133,9 +139,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         new: nodal frames (n, 4) and end force (3,), overwritten.
 
     Returns:
-        How it ended, see `warm_step.advance`; numbers of iterations, contact points and constraint rows;
-        whether another mesh would hold the points better; rotation since the last factorisation, and in the
-        tangent step, rad.
+        How it ended, see `warm_step.advance` and REVERSES; numbers of iterations, contact points and
+        constraint rows; whether another mesh would hold the points better; rotation since the last
+        factorisation, and in the tangent step, rad.
     """
     last, section, grid, contacts = Last(*last), Section(*section), grid_of(grid), ContactSet(*contacts)
     kkt, options = kkt_of(kkt), Options(*options)
@@ -288,6 +294,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             step = max(turned, change / scale)
             if not tangent:
                 total, worked = total + 1, worked + iteration_work(n, total_rows)
+                reversal = total <= AT_ONCE and flips > REVERSED and change > REVERSED_FORCE * scale
+                if reversal and softest == 0.0 and drag == 0.0:
+                    return REVERSES, total, count, total_rows, moved, rotation, foreseen
                 rate = max(min(step / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, rotation)
                 # the constraint rows may hold the direction of friction too stiffly
                 trusted = rate if steady or full else max(rate, 0.5)
