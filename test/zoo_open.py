@@ -160,8 +160,17 @@ DRAWN = {
     (175, 1880): "over smooth beams: rightly said to be taut at a pose, which the judge does not confirm",
     (176, 163): "a rough ball pulls a cable taut within a pose: 8 % off, it says 3 %",
     (177, 42): "a heavy cable across a rough table: an equilibrium that is not stable is reported",
+    (177, 184): "a lift turns over: a contact slides 5.0e-4 L the way its friction pushes, at one pose",
     (177, 202): "a heavy lift, told in 4 times as many poses: 3.0 % at the first",
+    (177, 291): "over rough beams, told in 4 times as many poses: 1.3 % at the last one",
+    (177, 345): "a lift falls, and told in 4 times as many poses is lost",
     (177, 786): "a rough table, told in 4 times as many poses: 1.0 % at fourteen",
+    (178, 37): "a heavy rough lift laid flat, told in 4 times as many poses: 1.3 % at the last one",
+    (178, 44): "a rough ball pushed up, told in 4 times as many poses: the branch is lost",
+    (178, 74): "a heavy hose led there and back, told in 4 times as many poses: 2.1 % at the last one",
+    (178, 131): "a smooth beam, from whose top the cable comes off between the edges: lost in finer steps",
+    (178, 137): "rough beams pushed up until a heavy cable is taut: a pose is reported",
+    (178, 152): "a hose led aside falls onto rough ground: a grid's error, 7.4 %, refuses 39 poses",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {
