@@ -40,7 +40,7 @@ from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.without_contact import EASY, SAME
 
-FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR
+FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR, REVERSES
 """How a step ends that may be solved in another way."""
 GOES = 3e-3
 """Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
@@ -331,9 +331,8 @@ class ActiveSetRod(FrictionalRod):
         goal = (qe, re, f), obstacles, (tolerance, limit, self.rotation, self.refactor_at)
         factors = self.A, self.L, self.pivots, Y, S
         found = self._newton(q, F, goal, factors)
-        # a step against more drag costs less, and shorter ones in which friction turns back
-        softens = found[0] in FAILED or (found[0] == REVERSES and distance <= SLOW_REVERSAL)
-        if softens and self.drag == 0.0 and self.work > 0.0:
+        # a step against more drag costs less
+        if found[0] in FAILED and self.drag == 0.0 and self.work > 0.0:
             more, found = self._begin_soft(q, F, goal, factors, found, distance, (kept, mesh))
             spent += more
         code, iterations, moved, turned, foreseen, q_new, F_new = found
@@ -494,7 +493,8 @@ class ActiveSetRod(FrictionalRod):
             Iterations in vain, and what the last attempt ended in.
         """
         touched = distance <= SHORT if self.tentative else before[0][1] > 0
-        if self.creeps or self.model != COULOMB or not (self.lies or touched):
+        too_long = failed[0] == REVERSES and distance > SLOW_REVERSAL
+        if self.creeps or self.model != COULOMB or not (self.lies or touched) or too_long:
             return 0, failed
         stays_soft = self.tentative and not self.lies
         self.restore(*before)

@@ -455,6 +455,7 @@ def correct_forces(points, count, y, rows, total, F, soft):
             couple = max(couple, abs(y[int(points[i, SLOPE_ROW])]))
     for b in range(3 + count, total):
         i = rows.owners[b]
+        # a row by which a force turns has delta -1 / (force times the surface's curvature)
         turns = rows.delta[b] < 0.0 and -rows.delta[b] * points[i, FORCE] * SHARP < 1.0
         if turns and points[i, KIND] != SAMPLE:
             change = max(change, abs(y[b]))
