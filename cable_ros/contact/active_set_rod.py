@@ -93,6 +93,8 @@ class ActiveSetRod(FrictionalRod):
     """Change of the end force since stability was judged, in EULER."""
     still = False
     """See `History`."""
+    step_length = 0.0
+    """Of the present step, L; see `History.step`."""
     found_on: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     """Frames (k, 4) of the last equilibrium, lengths (j,) and starts (j,) of the elements on which it was
     found, if it lies with friction and its mesh has changed since: what sticks stays where it was there."""
@@ -327,6 +329,7 @@ class ActiveSetRod(FrictionalRod):
                 return code, spent, q, F
         rubs = self.model == COULOMB
         distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles) if rubs else 0.0
+        self.step_length = distance if distance > STILL else 0.0
         self._set_bedding(distance, F)
         goal = (qe, re, f), obstacles, (tolerance, limit, self.rotation, self.refactor_at)
         factors = self.A, self.L, self.pivots, Y, S
@@ -392,7 +395,7 @@ class ActiveSetRod(FrictionalRod):
         self.set_conditions(qe, re, f, obstacles)
         if not self.tentative:
             self.follow(distance, F, F_new, landing)
-            if distance > 0.0:
+            if distance > STILL:
                 note_slip(self.points, self.count, distance)
         self.forked = self.forked or forked
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
@@ -532,7 +535,15 @@ class ActiveSetRod(FrictionalRod):
         known = self.ready, self.settled is q
         found_on = (q, self.h, self.s0) if self.found_on is None else self.found_on
         last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then, *found_on
-        friction = self.model, self.direction, self.presliding, self.bedding, self.still, softest
+        friction = (
+            self.model,
+            self.direction,
+            self.presliding,
+            self.bedding,
+            self.still,
+            self.step_length,
+            softest,
+        )
         contact = self.samples, self.depth, self.give, self.finest(), end_bubbles(self.mesh.element.order)
         limits = self.drag, self.carried, float(self.least), float(self.work)
         q_new, F_new = np.empty_like(q), np.empty(3)

@@ -284,7 +284,7 @@ class ConstrainedRod(Rod):
 
     def assemble(self, q: np.ndarray, F: np.ndarray, model: int) -> int:
         """Gradient, Hessian and constraint rows at (q, F) with the present contact points; number of rows."""
-        friction = model, self.direction, self.presliding, self.bedding, False
+        friction = model, self.direction, self.presliding, self.bedding, False, 0.0
         history = *friction, self.c, self.c, self.h, self.s0, self.obstacles
         assert len(q) == len(self.mesh.nodes)  # compiled code does not look
         return int(assemble_kkt(

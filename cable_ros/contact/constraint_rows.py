@@ -13,6 +13,8 @@ from cable_ros.contact.friction_kernels import (
     ACROSS,
     DIRECTION,
     STIFFNESS,
+    TANGENT,
+    TURNS,
 )
 from cable_ros.contact.point_couples import has_arm, hold_rows
 from cable_ros.contact.points import (
@@ -169,8 +171,8 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             copy(V[3 + i], W[3 + i])
         if friction[STIFFNESS] > 0.0:
             if slip:
-                row(V, total, friction[ACROSS:STIFFNESS], by_position)
-                copy(friction[ACROSS:STIFFNESS], lines[total])
+                row(V, total, friction[TURNS:TANGENT], by_position)
+                copy(friction[TURNS:TANGENT], lines[total])
                 delta[total] = 1.0 / friction[STIFFNESS]
                 gaps[total - 3] = 0.0
                 points[i, SLIP_ROW] = total
@@ -206,6 +208,8 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             total += 1
         for b in range(begin, total):
             copy(V[b], W[b])
+        if slip and friction[STIFFNESS] > 0.0:
+            row(W, int(points[i, SLIP_ROW]), friction[ACROSS:STIFFNESS], by_position)
         rests = points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0 and friction[STIFFNESS] > 0.0
         rests = rests and points[i, FORCE] >= FAINT and points[i, AT_EDGE] == 0.0  # no edge holds it there
         rests = rests and (not ends or extent(points, count, i) > LONG_PATCH)

@@ -70,6 +70,8 @@ class History(NamedTuple):
     """Stiffness of stick per length along a patch, EI / L^4."""
     still: bool
     """Whether nothing but the mesh has changed: what slips then goes on in its direction."""
+    step: float
+    """Length of the step, L, in which slip that turns goes on turning; 0: only the mesh changes."""
     c: np.ndarray
     """(m, g + 1, 3) the centreline of the last equilibrium."""
     closed: np.ndarray
@@ -123,7 +125,8 @@ class Options(NamedTuple):
     presliding: float
     bedding: float
     still: bool
-    """See `History`; so are presliding and bedding."""
+    step: float
+    """See `History`; so are presliding to still."""
     softest: float
     """Presliding, L, that a step begins with, to be halved again and again; 0: none but what is asked for."""
     samples: np.ndarray

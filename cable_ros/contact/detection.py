@@ -58,6 +58,8 @@ OWN = 4.0
 that this becomes, within which it is the point's: that is at 2."""
 ALIKE = 1e-6
 """Relative difference of two points' forces that may be rounding."""
+NEXT = 0.45
+"""Half of the patch that a point becomes, over the distance to the next patch, at most."""
 LONG = 4.0
 """Length inside an obstacle, in spacings, above which contact is a patch, not a point."""
 
@@ -97,7 +99,9 @@ def flatten(shape, spacing, obstacles, give, points, count):
                 s = points[i, ARC_LENGTH] - (half if points[i, SHIFT] > 0.0 else -half)
             elif dips:
                 half = half_patch(s, curvature, P, half)
-            if swings or dips:
+            space = room(points, count, i, s)
+            if space > 0.0 and (swings or dips):
+                half = min(half, NEXT * space)
                 points[i, ARC_LENGTH] = s
                 count = make_patch(points, count, o, max(s - half, 0.0), min(s + half, 1.0))
                 changed = True
@@ -105,6 +109,20 @@ def flatten(shape, spacing, obstacles, give, points, count):
                 continue
         i += 1
     return changed, count
+
+
+@njit(**LEAF)
+def room(points, count, i, s):
+    """Distance from arc length s to the patches on the obstacle of point i, L; 0 if one is between both."""
+    space, place = np.inf, points[i, ARC_LENGTH]
+    for k in range(count):
+        other = points[k, ARC_LENGTH]
+        if points[k, KIND] == POINT or points[k, OBSTACLE] != points[i, OBSTACLE]:
+            continue
+        if min(s, place) <= other <= max(s, place):
+            return 0.0
+        space = min(space, abs(other - s))
+    return space
 
 
 @njit(**LEAF)

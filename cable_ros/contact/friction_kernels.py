@@ -19,14 +19,15 @@ from cable_ros.contact.points import (
     POINT,
     SLIP,
     SLIPS,
+    STEP_BEFORE,
     STICK_ROW,
     WAS,
 )
 from cable_ros.linalg.vectors import cross
 
-DIRECTION, ACROSS, STIFFNESS, TANGENT = 0, 3, 6, 7
-"""Slots of a tangent of friction: direction of the slip force (3), direction across it (3), stiffness across;
-and their number."""
+DIRECTION, ACROSS, STIFFNESS, TURNS, TANGENT = 0, 3, 6, 7, 10
+"""Slots of a tangent of friction: direction of the slip force (3), direction across it (3), stiffness across,
+direction in which slip turns the force by it (3); and their number."""
 ROUNDING = 1e-10
 """Fraction of the cone by which friction must leave its edge to change from stick to slip or back."""
 LEAD, STRAIGHT = 0.5, 8
@@ -152,30 +153,44 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
         return slips or points[i, STICK_ROW] == 0.0
     for a in range(3):
         limit[DIRECTION + a] = trial[a] / size
-    ahead = 1.0
-    if points[i, KIND] == POINT and not onward:
-        slip = points[i, SLIP : SLIP + 3]
-        for a in range(3):
-            slip[a] = step[a]
-        ahead = lead(limit[DIRECTION:ACROSS], turned, (slid, slip), n, cone)
+    slip = points[i, SLIP : SLIP + 3]
+    for a in range(3):
+        slip[a] = step[a]
+    m0, m1, m2 = limit[DIRECTION], limit[DIRECTION + 1], limit[DIRECTION + 2]
+    by_turn, by_length = 1.0, 0.0
+    # what slips along a patch turns on only where it did: as it begins to slip its direction swings
+    if history.step > 0.0 and not onward and (points[i, KIND] == POINT or across(slid, n) > AT_REST):
+        ratio = history.step / points[i, STEP_BEFORE] if points[i, STEP_BEFORE] > 0.0 else 1.0
+        by_turn, by_length = lead(limit[DIRECTION:ACROSS], turned, (slid, slip), n, cone, ratio)
     for a in range(3):
         points[i, FRICTION + a] = cone * limit[DIRECTION + a]
+    if history.still:
+        return not slips
     d0, d1, d2 = limit[DIRECTION], limit[DIRECTION + 1], limit[DIRECTION + 2]
-    limit[ACROSS] = n[1] * d2 - n[2] * d1
-    limit[ACROSS + 1] = n[2] * d0 - n[0] * d2
-    limit[ACROSS + 2] = n[0] * d1 - n[1] * d0
-    limit[STIFFNESS] = 0.0 if history.still else ahead * stiffness * cone / size
+    limit[ACROSS], limit[ACROSS + 1], limit[ACROSS + 2] = cross(n, (d0, d1, d2))
+    # the increment turns the mean direction m, and that the force; its length turns the force, too
+    turns = limit[TURNS:TANGENT]
+    turns[0], turns[1], turns[2] = cross(n, (m0, m1, m2))
+    square = 0.0
+    for a in range(3):
+        turns[a] = by_turn * stiffness / size * turns[a] - by_length * slip[a]
+        square += turns[a] * turns[a]
+    rate = np.sqrt(square)
+    for a in range(3):
+        turns[a] /= rate
+    limit[STIFFNESS] = cone * rate
     return not slips
 
 
 @njit(**LEAF)
-def lead(direction, before, slips, n, cone):
-    """Turn the mean direction of friction in a step, (3,), on to that at its end; by how much more it turns.
+def lead(direction, before, slips, n, cone, ratio):
+    """Turn the mean direction of friction in a step, (3,), on to that at its end.
 
     As a backward difference of second order in the length of slip: the mean is the direction half way, the
     step before tells that half way there, and the way goes on turning. Of what stuck then, the friction
-    `before` tells where slip began: half of the turn since is added, a quarter of a step's is left. Not where
-    the way has a corner.
+    `before` tells where slip began: half of the turn since is added, a quarter of a step's is left. It is
+    less where slip is faster or slower than before, by that factor, for a short slip says little of a long
+    one's way. Not where the way has a corner.
 
     Args:
         direction: is overwritten.
@@ -184,26 +199,42 @@ def lead(direction, before, slips, n, cone):
             loses what is along n.
         n: (3,) the normal.
         cone: largest possible friction, EI / L^2.
+        ratio: length of this step over that of the step before.
+
+    Returns:
+        The derivatives of the turn about n: by that of the mean direction, and by the length of slip, over
+        that length, 1 / L^2.
     """
     slid, slip = slips
-    size, part = across(slid, n), across(slip, n)
+    size, long = across(slid, n), across(slip, n)
     if size > AT_REST:
-        part /= size + part
+        even = ratio * size  # as fast as before
+        if long > even:
+            most, grows = even / (size + long), -even / (size + long) ** 2
+        else:
+            most = long * long / ((size + long) * even)
+            grows = long * (long + 2.0 * size) / ((size + long) ** 2 * even)
     else:
         for a in range(3):
             slid[a] = -before[a]
-        size, part = max(across(slid, n), cone), LEAD
-    along, norm = 0.0, 0.0
+        size, most, grows = max(across(slid, n), cone), LEAD, 0.0
+    along, beside, square, side = 0.0, 0.0, 0.0, cross(n, direction)
     for a in range(3):
         along -= direction[a] * slid[a] / size
-    part *= max(along, 0.0) ** STRAIGHT
+        beside -= side[a] * slid[a] / size
+    fades = max(along, 0.0) ** STRAIGHT
+    part = most * fades
     for a in range(3):
         direction[a] = (1.0 + part) * direction[a] + part * slid[a] / size
-        norm += direction[a] * direction[a]
-    norm = np.sqrt(norm)
+        square += direction[a] * direction[a]
+    norm = np.sqrt(square)
     for a in range(3):
         direction[a] /= norm
-    return (1.0 + part) / norm
+    by_turn = (1.0 + part) * (1.0 + part - part * along)
+    if along > 0.0:
+        by_turn -= STRAIGHT * part / along * beside * beside
+    by_length = 0.0 if long == 0.0 else -beside * fades * grows / long
+    return by_turn / square, by_length / square
 
 
 @njit(**LEAF)

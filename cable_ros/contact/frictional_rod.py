@@ -33,6 +33,7 @@ from cable_ros.contact.points import (
 from cable_ros.contact.slip_kernels import slip_bend, slip_change, stops
 from cable_ros.contact.travel import (
     CONTACT_STEP,
+    FORCE_BEND,
     FORCE_CHANGE,
     FRICTION_STEP,
     LANDING_CHANGE,
@@ -213,6 +214,10 @@ class FrictionalRod(FixedSetRod):
             # all of a patch that slips may stop as soon as a point beside it bears
             most = LANDING_CHANGE if at_point or not self.has_patch else FORCE_CHANGE
             longest = min(longest, stride(change, most if slack else TAUT_FORCE_CHANGE))
+            rate = self.followed.rate if slack and self.has_patch and distance > STILL else None
+            if rate is not None:
+                bend = float(np.linalg.norm(F_new - F - distance * rate)) / larger
+                longest = min(longest, stride(bend, FORCE_BEND))
         return longest
 
     def _has_new_point(self) -> bool:

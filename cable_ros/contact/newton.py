@@ -46,6 +46,7 @@ from cable_ros.linalg.bordered import (
     kkt_solve,
 )
 from cable_ros.linalg.copies import copy, copy_rows
+from cable_ros.linalg.vectors import cross
 from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import close_curve
 from cable_ros.rod.rod_state import Grid, Section, grid_of
@@ -77,6 +78,9 @@ comes to rest first; this one takes dozens of iterations and fails."""
 DIRECTED, SWINGS_ON, ROUNDS = 30.0, 0.5, 5
 """Maximum error of a point's friction, over that of the end force; what is left of it after an iteration, as
 the direction of a short slip follows the shape late; and how often more iterations are made for it."""
+CALM = 1e-3
+"""Rotation in an iteration, rad, over all that changed in the one before, below which only ends of patches
+swing, not what sticks and slips in turn."""
 SHARP = 100.0
 """Curvature of an obstacle, 1 / L, above which the turn of a force counts as a change: on an edge it turns by
 much as the cable moves by nothing, and the start wrench with it, of which the end force tells nothing."""
@@ -152,7 +156,24 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
     V, totals = rows.V, evaluation.totals
-    model, _, _, _, still, softest, samples, depth, give, finest, bubbles, drag, carried, _, budget = options
+    (
+        model,
+        _,
+        _,
+        _,
+        still,
+        length,
+        softest,
+        samples,
+        depth,
+        give,
+        finest,
+        bubbles,
+        drag,
+        carried,
+        _,
+        budget,
+    ) = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
     order = N.shape[1] - 1
@@ -182,7 +203,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         lengthen((old_c, closed, old_h, old_s0), ratio, shift)
     before = old_c, closed, old_h, old_s0, last.obstacles
     presliding = max(softest, options.presliding)
-    history = History(model, options.direction, presliding, options.bedding, still, *before)
+    history = History(model, options.direction, presliding, options.bedding, still, length, *before)
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
         for a in range(3):
@@ -286,10 +307,11 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             if not (tangent and carried):
                 for i in range(n):
                     gone[i] += s[i]
-            change, couple, scale = correct_forces(points, count, y, rows, total_rows, F_new, soft)
+            change, couple, scale = correct_forces(contacts, count, y, rows, total_rows, F_new, soft)
             scale = max(scale, options.least)
-            ends, moment = move_ends(points, count, y, spacing, model == FRICTIONLESS)
             felt = max(step, couple / scale)
+            alone = model == FRICTIONLESS or (changes == 0 and felt < CALM * size)
+            ends, moment = move_ends(points, count, y, spacing, alone)
             turned, unsettled = max(felt, ends), max(felt, change / scale)
             step = max(turned, change / scale)
             if not tangent:
@@ -342,7 +364,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         revised = count - held
         if not changed and presliding > options.presliding:
             presliding = firmer(points, count, obstacles, options, presliding)
-            history = History(model, options.direction, presliding, options.bedding, still, *before)
+            history = History(model, options.direction, presliding, options.bedding, still, length, *before)
         elif not changed:
             moved = moved or coarse(points, count, h, s0, finest) or dipping(points, count)
             judged = model == FRICTIONLESS and fresh
@@ -415,11 +437,11 @@ def largest_change(points, count, friction):
 
 
 @njit(**INNER)
-def correct_forces(points, count, y, rows, total, F, soft):
+def correct_forces(contacts, count, y, rows, total, F, soft):
     """Add the multipliers of a step to the forces.
 
     Args:
-        points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        contacts, count: `ContactSet` and the number of its points.
         y: (rows,) the multipliers.
         rows, total: `ConstraintRows` and their number.
         F: (3,) the end force.
@@ -430,7 +452,7 @@ def correct_forces(points, count, y, rows, total, F, soft):
         largest change of a couple that holds a slope at a point, EI / L; and the size of the end force, 1e-3
         at least.
     """
-    lines = rows.lines
+    (points, _, normals), lines = contacts, rows.lines
     scale, change, couple = 1e-3, 0.0, 0.0
     for a in range(3):
         F[a] += y[a]
@@ -439,10 +461,13 @@ def correct_forces(points, count, y, rows, total, F, soft):
     for i in range(count):
         if soft and points[i, SLIPS] == 1.0 and points[i, FORCE] > 0.0:
             k, grown = int(points[i, SLIP_ROW]), max(1.0 + y[3 + i] / points[i, FORCE], 0.0)
+            size = 0.0
             for a in range(3):
-                points[i, FRICTION + a] *= grown
-                if k > 0:
-                    points[i, FRICTION + a] += y[k] * lines[k, a]
+                size += points[i, FRICTION + a] ** 2
+            across = cross(normals[i], points[i, FRICTION : FRICTION + 3])
+            turn = y[k] / np.sqrt(size) if k > 0 and size > 0.0 else 0.0
+            for a in range(3):
+                points[i, FRICTION + a] = grown * points[i, FRICTION + a] + turn * across[a]
         points[i, FORCE] += y[3 + i]
         k = int(points[i, STICK_ROW])
         if k > 0:

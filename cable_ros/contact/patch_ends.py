@@ -77,7 +77,7 @@ def move_ends(points, count, y, spacing, smooth):
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
         y: (rows,) multipliers of the constraint rows.
         spacing: of the samples, L.
-        smooth: whether there is no friction: what sticks or slips in turn swings as well, and has no limit.
+        smooth: whether only ends swing: what sticks or slips in turn does, too, and has no limit.
 
     Returns:
         The largest motion, L, and the largest moment of a force about where it was, EI / L.

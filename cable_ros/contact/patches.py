@@ -24,7 +24,9 @@ from cable_ros.contact.points import (
     OBSTACLE,
     POINT,
     SAMPLE,
+    SLIP_BEFORE,
     SLIPS,
+    STEP_BEFORE,
     add,
     nearest,
     remove,
@@ -199,6 +201,8 @@ def inherit(points, i, others, count):
     points[i, SLIPS] = others[best, SLIPS]
     for a in range(FORCE, BEFORE + 3):
         points[i, a] = others[best, a] * points[i, LENGTH] / others[best, LENGTH]
+    for a in range(SLIP_BEFORE, STEP_BEFORE + 1):
+        points[i, a] = others[best, a]
 
 
 @njit(**INNER)
@@ -228,6 +232,8 @@ def interpolate(points, i, others, count):
         per_length = (1.0 - beyond) * others[left, a] / others[left, LENGTH]
         per_length += beyond * others[right, a] / others[right, LENGTH]
         points[i, a] = per_length * points[i, LENGTH]
+    for a in range(SLIP_BEFORE, STEP_BEFORE + 1):
+        points[i, a] = (1.0 - beyond) * others[left, a] + beyond * others[right, a]
 
 
 @njit(**INNER)

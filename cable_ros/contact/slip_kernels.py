@@ -40,9 +40,8 @@ def note_slip(points, count, step):
         step: its length, L.
     """
     for i in range(count):
-        slipped = points[i, SLIPS] == 1.0 and points[i, KIND] == POINT
         for a in range(3):
-            points[i, SLIP_BEFORE + a] = points[i, SLIP + a] if slipped else 0.0
+            points[i, SLIP_BEFORE + a] = points[i, SLIP + a] if points[i, SLIPS] == 1.0 else 0.0
         points[i, STEP_BEFORE] = step
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import ContactSet, Strain, shape_of
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
-from cable_ros.contact.friction_kernels import DIRECTION
+from cable_ros.contact.friction_kernels import ACROSS, DIRECTION
 from cable_ros.contact.points import (
     ARC_LENGTH,
     FORCE,
@@ -279,6 +279,8 @@ def row_reaches(shape, obstacles, contacts, count, terms, rows, total, strain):
         for a in range(3):
             rough = rough or points[i, FRICTION + a] != 0.0
             pushes[3 + i, a] += mu * terms.tangents[i, DIRECTION + a]
+            if points[i, SLIP_ROW] > 0.0:
+                pushes[int(points[i, SLIP_ROW]), a] = terms.tangents[i, ACROSS + a]
     if not rough:
         return False
     reach_rows(blocks, rows.owners, lines, pushes, total, strain.skew)

@@ -27,6 +27,10 @@ FORCE_CHANGE, TAUT_FORCE_CHANGE = 0.1, 0.3
 """Maximum relative change of the end force in a step where the cable lies, or contact begins; and in one in
 which that begins on a cable near TAUT. A hose whose end force falls to a third in 0.02 L was 10 % off in one
 step, a lift drawn sideways and back 2.1 % with 0.2, a ball's first touch 3.4 % with 0.3."""
+FORCE_BEND = 0.07
+"""Maximum difference, relative to the end force, between its change in a step where the cable lies and that
+which the rate of the step before foretells. A hose whose force rose by 6 % a step fell by 5 % in one that was
+too long, 6 % off; 0.02 takes as long and leaves as much on hoses."""
 LANDING_CHANGE = 0.01
 """The first where contact begins at a point, or one that slipped stops: when in the step is not known. With
 0.1 what stuck from there on was 1 to 7 % off, with 0.03 a point that slid beside one which landed 1.4 %; with

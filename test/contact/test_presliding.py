@@ -27,7 +27,7 @@ from cable_ros.contact.slip_kernels import slip_change
 
 def history(presliding: float, bedding: float) -> History:
     curve = np.zeros((1, 1, 3))
-    friction = COULOMB, np.zeros(3), presliding, bedding, False
+    friction = COULOMB, np.zeros(3), presliding, bedding, False, 1.0
     return History(*friction, curve, curve, np.ones(1), np.zeros(1), np.zeros((0, WIDTH)))
 
 
