@@ -110,6 +110,8 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((177, 345), 26),
         # off the top of a beam a point became a patch across the one beside it
         ((178, 131), 6),
+        # there a point at an edge went across the patch beside it
+        ((179, 702), 3),
         # over beams: friction did not move with the end of a patch in the tangent
         ((173, 1166), 17),
         # where a fall leads nowhere shorter steps lead on

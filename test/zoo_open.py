@@ -127,6 +127,19 @@ DRAWN = {
     (178, 137): "rough beams pushed up until a heavy cable is taut: a pose is reported",
     (178, 259): "over rough beams, pulled taut and led back: the branch is lost",
     (178, 479): "over a rough beam: a grid's error, 51 to 93 %, refuses four poses",
+    (178, 49): "a ball pulls a cable taut, told in 4 times as many poses: the branch is lost",
+    (179, 2): "along a rough wall: at one pose the judge finds no equilibrium beside the answer",
+    (179, 75): "a ball pulls a heavy cable taut: five poses are reported, and 1.1 % at the one before",
+    (179, 118): "a heavy rough table, told in 4 times as many poses: 1.3 % at four",
+    (179, 245): "a ball led along a rough cable, told in 4 times as many poses: 1.4 % at one",
+    (179, 417): "a ball pushed up under a rough cable until that is taut: three poses are reported",
+    (
+        179,
+        451,
+    ): "a ball led across under a rough cable until that is taut: 13 poses are reported, 1.1 % at four",
+    (179, 606): "a hose led round: the start wrench is off by 0.6 % at one pose",
+    (179, 611): "rough beams pushed up: two poses are reported, 15 are lost, 2.8 % at five",
+    (179, 635): "a lift falls as it turns over, and is lost for 45 poses",
     (178, 152): "a hose led aside falls onto rough ground: a grid's error, 7.4 %, refuses 39 poses",
 }
 """By seed and index of `drawn_case`, what is amiss."""

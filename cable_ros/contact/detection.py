@@ -34,6 +34,7 @@ from cable_ros.contact.points import (
     SWINGS,
     add,
     remove,
+    space_at,
 )
 from cable_ros.rod.centreline import find_element
 
@@ -99,7 +100,7 @@ def flatten(shape, spacing, obstacles, give, points, count):
                 s = points[i, ARC_LENGTH] - (half if points[i, SHIFT] > 0.0 else -half)
             elif dips:
                 half = half_patch(s, curvature, P, half)
-            space = room(points, count, i, s)
+            space = space_at(points, count, i, s)
             if space > 0.0 and (swings or dips):
                 half = min(half, NEXT * space)
                 points[i, ARC_LENGTH] = s
@@ -109,20 +110,6 @@ def flatten(shape, spacing, obstacles, give, points, count):
                 continue
         i += 1
     return changed, count
-
-
-@njit(**LEAF)
-def room(points, count, i, s):
-    """Distance from arc length s to the patches on the obstacle of point i, L; 0 if one is between both."""
-    space, place = np.inf, points[i, ARC_LENGTH]
-    for k in range(count):
-        other = points[k, ARC_LENGTH]
-        if points[k, KIND] == POINT or points[k, OBSTACLE] != points[i, OBSTACLE]:
-            continue
-        if min(s, place) <= other <= max(s, place):
-            return 0.0
-        space = min(space, abs(other - s))
-    return space
 
 
 @njit(**LEAF)

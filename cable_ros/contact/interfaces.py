@@ -12,7 +12,17 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import gap
-from cable_ros.contact.points import ARC_LENGTH, FORCE, INTERFACE, KIND, OBSTACLE, POINT, SAMPLE, SWINGS
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    FORCE,
+    INTERFACE,
+    KIND,
+    OBSTACLE,
+    POINT,
+    SAMPLE,
+    SWINGS,
+    space_at,
+)
 from cable_ros.contact.stretched import trace
 from cable_ros.rod.centreline import derivative, direction, elongation, find_element, position
 from cable_ros.rod.centreline import shape as shape_functions
@@ -321,6 +331,8 @@ def hand_on(q, grid, points, count, i, between, free):
 def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
     """Move the points to their gap's minimum, and boundaries to them and to the ends of patches.
 
+    None goes across a patch: within one the gap has no minimum.
+
     Args:
         shape: `Shape`, which changes with the mesh.
         obstacles: (o, WIDTH).
@@ -355,7 +367,7 @@ def place_points(shape, obstacles, spacing, contacts, count, forces, strain):
                 curvature = there if max(at.bends[0], at.bends[1]) > sharpest else curvature
             # beside a clamp this and Newton's method may send it to and fro: then that alone places it
             swings = points[i, SWINGS] >= TO_AND_FRO and min(s, 1.0 - s) < spacing
-            if kink <= curvature and not swings:
+            if kink <= curvature and not swings and space_at(points, count, i, minimum) > 0.0:
                 points[i, ARC_LENGTH] = minimum
         for _ in range(2):
             if points[i, INTERFACE] < 0.0 and not own_interface(points, count, i, h, s0):

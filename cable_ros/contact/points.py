@@ -102,6 +102,20 @@ def reaction_at(points, count, o, s):
     return -1
 
 
+@njit(**LEAF)
+def space_at(points, count, i, s):
+    """Distance from arc length s to the patches on the obstacle of point i, L; 0 if one is between both."""
+    space, place = np.inf, points[i, ARC_LENGTH]
+    for k in range(count):
+        other = points[k, ARC_LENGTH]
+        if points[k, KIND] == POINT or points[k, OBSTACLE] != points[i, OBSTACLE]:
+            continue
+        if min(s, place) <= other <= max(s, place):
+            return 0.0
+        space = min(space, abs(other - s))
+    return space
+
+
 @njit(**INNER)
 def nearest(points, count, point, samples):
     """The contact point on the obstacle of `point` that is nearest along the cable; -1: there is none.
