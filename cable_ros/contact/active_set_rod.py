@@ -535,22 +535,14 @@ class ActiveSetRod(FrictionalRod):
         known = self.ready, self.settled is q
         found_on = (q, self.h, self.s0) if self.found_on is None else self.found_on
         last = q, F, self.f, self.obstacles, self.count, self.rows, *known, *self.then, *found_on
-        friction = (
-            self.model,
-            self.direction,
-            self.presliding,
-            self.bedding,
-            self.still,
-            self.step_length,
-            softest,
-        )
+        friction = self.model, self.direction, self.presliding, self.bedding, self.still, self.step_length
         contact = self.samples, self.depth, self.give, self.finest(), end_bubbles(self.mesh.element.order)
         limits = self.drag, self.carried, float(self.least), float(self.work)
         q_new, F_new = np.empty_like(q), np.empty(3)
         try:
             code, iterations, self.count, self.rows, moved, turned, foreseen = active_set_newton(
                 last, conditions, obstacles, self.section, self.grid, self.contacts, self.kkt(factors),
-                (*friction, *contact, *limits), control, (q_new, F_new),
+                (*friction, softest, *contact, *limits), control, (q_new, F_new),
             )  # fmt: skip
         except np.linalg.LinAlgError:
             code, iterations, moved, turned, foreseen = warm_step.NOT_CONTRACTING, 0, False, np.inf, 0.0

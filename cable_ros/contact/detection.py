@@ -15,7 +15,7 @@ from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.gap_search import dips, far, minimum_beside, scan
 from cable_ros.contact.interfaces import SHARPER, at_edge, gap_at, lowest, sharpest_at
-from cable_ros.contact.patch_ends import settle
+from cable_ros.contact.patch_ends import ROOM, settle
 from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, make_patch, rests, sample
 from cable_ros.contact.points import (
     APART,
@@ -59,8 +59,6 @@ OWN = 4.0
 that this becomes, within which it is the point's: that is at 2."""
 ALIKE = 1e-6
 """Relative difference of two points' forces that may be rounding."""
-NEXT = 0.45
-"""Half of the patch that a point becomes, over the distance to the next patch, at most."""
 LONG = 4.0
 """Length inside an obstacle, in spacings, above which contact is a patch, not a point."""
 
@@ -100,9 +98,9 @@ def flatten(shape, spacing, obstacles, give, points, count):
                 s = points[i, ARC_LENGTH] - (half if points[i, SHIFT] > 0.0 else -half)
             elif dips:
                 half = half_patch(s, curvature, P, half)
-            space = space_at(points, count, i, s)
-            if space > 0.0 and (swings or dips):
-                half = min(half, NEXT * space)
+            space = space_at(points, count, i, s) if swings or dips else 0.0
+            if space > 0.0:
+                half = min(half, ROOM * space)
                 points[i, ARC_LENGTH] = s
                 count = make_patch(points, count, o, max(s - half, 0.0), min(s + half, 1.0))
                 changed = True

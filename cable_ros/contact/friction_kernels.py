@@ -156,7 +156,8 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
     slip = points[i, SLIP : SLIP + 3]
     for a in range(3):
         slip[a] = step[a]
-    m0, m1, m2 = limit[DIRECTION], limit[DIRECTION + 1], limit[DIRECTION + 2]
+    turns = limit[TURNS:TANGENT]
+    turns[0], turns[1], turns[2] = cross(n, limit[DIRECTION:ACROSS])
     by_turn, by_length = 1.0, 0.0
     # what slips along a patch turns on only where it did: as it begins to slip its direction swings
     if history.step > 0.0 and not onward and (points[i, KIND] == POINT or across(slid, n) > AT_REST):
@@ -166,11 +167,8 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
         points[i, FRICTION + a] = cone * limit[DIRECTION + a]
     if history.still:
         return not slips
-    d0, d1, d2 = limit[DIRECTION], limit[DIRECTION + 1], limit[DIRECTION + 2]
-    limit[ACROSS], limit[ACROSS + 1], limit[ACROSS + 2] = cross(n, (d0, d1, d2))
-    # the increment turns the mean direction m, and that the force; its length turns the force, too
-    turns = limit[TURNS:TANGENT]
-    turns[0], turns[1], turns[2] = cross(n, (m0, m1, m2))
+    limit[ACROSS], limit[ACROSS + 1], limit[ACROSS + 2] = cross(n, limit[DIRECTION:ACROSS])
+    # the increment turns the mean direction, and that the force; its length turns the force, too
     square = 0.0
     for a in range(3):
         turns[a] = by_turn * stiffness / size * turns[a] - by_length * slip[a]

@@ -156,24 +156,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     points, gaps, _ = contacts
     evaluation, tangents, rows, factors, strain = kkt
     V, totals = rows.V, evaluation.totals
-    (
-        model,
-        _,
-        _,
-        _,
-        still,
-        length,
-        softest,
-        samples,
-        depth,
-        give,
-        finest,
-        bubbles,
-        drag,
-        carried,
-        _,
-        budget,
-    ) = options
+    model, _, _, _, _, _, softest, samples, depth, give, finest, bubbles, drag, carried, _, budget = options
     tolerance, limit, rotation, refactor_at = control
     N = tables.values
     order = N.shape[1] - 1
@@ -201,9 +184,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         close_curve(q_then, old_h, bubbles, old_c, closed)
     if ratio != 1.0 or shift != 0.0:
         lengthen((old_c, closed, old_h, old_s0), ratio, shift)
-    before = old_c, closed, old_h, old_s0, last.obstacles
+    before = options.still, options.step, old_c, closed, old_h, old_s0, last.obstacles
     presliding = max(softest, options.presliding)
-    history = History(model, options.direction, presliding, options.bedding, still, length, *before)
+    history = History(model, options.direction, presliding, options.bedding, *before)
     shape = Shape(q_new, c, grid)
     for i in range(points.shape[0]):
         for a in range(3):
@@ -364,7 +347,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
         revised = count - held
         if not changed and presliding > options.presliding:
             presliding = firmer(points, count, obstacles, options, presliding)
-            history = History(model, options.direction, presliding, options.bedding, still, length, *before)
+            history = History(model, options.direction, presliding, options.bedding, *before)
         elif not changed:
             moved = moved or coarse(points, count, h, s0, finest) or dipping(points, count)
             judged = model == FRICTIONLESS and fresh

@@ -44,7 +44,7 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 STRIDE = 2.0
 """Maximum motion of an end in an iteration, in spacings of the samples."""
 ROOM = 0.45
-"""Maximum motion, fraction of the distance to what is next to it."""
+"""Maximum motion, or half of a new patch, fraction of the distance to what is next to it."""
 CREEP, OVERSHOOT = 0.3, 2.0
 """An end that moves at least this fraction of its last motion again is sent to the limit of the geometric
 series of such motions; and one that moves back by so much of it, up to the second."""

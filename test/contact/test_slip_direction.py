@@ -102,7 +102,7 @@ def test_the_first_slip_lags_by_a_quarter() -> None:
 def test_at_a_corner_slip_goes_where_it_went(corner: float, slid: np.ndarray | None) -> None:
     direction, by_turn = led(at(corner), at(0.0), slid)
     assert np.abs(direction - at(corner)).max() < 1e-3
-    assert by_turn == pytest.approx(1.0, abs=0.01)
+    assert by_turn == pytest.approx(1.0, abs=3e-3)  # the lead fades there
 
 
 def test_what_did_not_rub_does_not_turn_slip() -> None:
