@@ -20,6 +20,8 @@ LOGS := $(CURDIR)/build/ros_log
 OTHER_KERNELS := OPENBLAS_CORETYPE=Sandybridge NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
 	NUMBA_CACHE_DIR=$(CURDIR)/build/other_kernels
 CONTACT_TESTS := test/test_contact.py test/test_friction.py test/test_lying.py test/test_hose_paths.py \
+	test/test_told_finer.py::test_smooth_scenes_at_any_rate \
+	test/test_told_finer.py::test_a_lift_laid_down_at_any_rate_lies_up_to_its_clamp \
 	test/test_zoo.py -k "not test_zoo or ((ball or ground or hose or box or drum or edge or sides) \
 	and not (laid or glitch or grid))"
 
