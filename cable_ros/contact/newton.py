@@ -58,9 +58,8 @@ SLOW = 0.15
 """Refactor if an iteration leaves more than this fraction of the error."""
 MOST_TURNS = 4
 """Maximum number of revisions in a row that undo each other: at a fold what lets go is inside once it has."""
-MOST_REVISIONS, MOST_ITERATIONS, MOST_WITH_FRICTION = 44, 25, 80
-"""Maximum number of changes of the active set in a solve, and of iterations between two of them. What
-slips spreads along a patch by a sample in an iteration."""
+MOST_REVISIONS, MOST_ITERATIONS, MOST_WITH_FRICTION = 44, 25, 40
+"""Maximum number of changes of the active set in a solve, and of iterations between two of them."""
 IN_TURN, SHORT, STAYS, PULLS = 8, 1e4, 100.0, 5e-3
 """Number of such changes without friction after which a set is left as it is: in a step that turns the
 cable by less than the first multiple of the tolerance, if they move it by less than the second, and nothing
@@ -79,9 +78,6 @@ comes to rest first; this one takes dozens of iterations and fails."""
 DIRECTED, SWINGS_ON, ROUNDS = 30.0, 0.5, 5
 """Maximum error of a point's friction, over that of the end force; what is left of it after an iteration, as
 the direction of a short slip follows the shape late; and how often more iterations are made for it."""
-AGAIN, WHOLE = 0.05, 4
-"""Maximum relative difference of an iteration from the last but one before it, where contacts stick and slip
-in turn: half of the next one breaks the cycle. Least number of whole ones between such halves."""
 CALM = 1e-3
 """Rotation in an iteration, rad, over all that changed in the one before, below which only ends of patches
 swing, not what sticks and slips in turn."""
@@ -97,7 +93,7 @@ DENSE, MANY_ROWS = 45.0, 200.0
 from which on they cost as its third power."""
 LEAST_WORK = 80_000.0
 """Work that a solve may take however little is left, see `iteration_work`: 160 ms."""
-MOST_IN_ALL, MOST_FROM_SOFT = 120, 160
+MOST_IN_ALL, MOST_FROM_SOFT = 75, 120
 """Beyond this many iterations the active set is assumed to cycle; the same where presliding is halved."""
 
 
@@ -219,7 +215,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     for revision in range(MOST_REVISIONS):
         if total > (MOST_FROM_SOFT if softest > 0.0 else MOST_IN_ALL):
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
-        converged, whole, size_before, size_then = False, 0, 0.0, 0.0
+        converged = False
         for iteration in range(MOST_WITH_FRICTION if model == COULOMB else MOST_ITERATIONS):
             changes = 0
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
@@ -281,11 +277,6 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             if tangent:
                 end_coupling(tangents, V, total_rows, theta, gv, b)
             kkt_solve(gv, b, V, order, factors, small, swaps, s, y)
-            cycles = flips > 0 and whole >= WHOLE and abs(size - size_then) < AGAIN * size
-            whole = 0 if cycles else whole + 1
-            if cycles:
-                s *= 0.5
-                y *= 0.5
             if tangent:
                 for k in range(3):
                     s[n - 3 + k] = theta[k]
@@ -332,7 +323,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 if worked > most or (iteration > 12 and stagnates and not nearer and model == FRICTIONLESS):
                     return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
             tangent = False
-            size_then, size_before, size, unsettled_before = size_before, size, step, unsettled
+            size, unsettled_before = step, unsettled
         if not converged:
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         # the error of the iteration must not pass for penetration
