@@ -133,10 +133,7 @@ DRAWN = {
     (179, 118): "a heavy rough table, told in 4 times as many poses: 1.3 % at four",
     (179, 245): "a ball led along a rough cable, told in 4 times as many poses: 1.4 % at one",
     (179, 417): "a ball pushed up under a rough cable until that is taut: three poses are reported",
-    (
-        179,
-        451,
-    ): "a ball led across under a rough cable until that is taut: 13 poses are reported, 1.1 % at four",
+    (179, 451): "a ball led across under a rough cable until it is taut: 13 reported, 1.1 % at four",
     (179, 606): "a hose led round: the start wrench is off by 0.6 % at one pose",
     (179, 611): "rough beams pushed up: two poses are reported, 15 are lost, 2.8 % at five",
     (179, 635): "a lift falls as it turns over, and is lost for 45 poses",

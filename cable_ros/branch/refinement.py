@@ -18,7 +18,8 @@ MOST_ELEMENTS = 2_000
 """Maximum number of elements of a mesh. Between clamps as far apart as the cable is long, tension has no
 bound, nor has the mesh that it asks for."""
 SHORT = 5e-3
-"""Length of elements, L, without which an equilibrium is looked for if none is found on a mesh with them."""
+"""Length of elements, L, without which an equilibrium is looked for if none is found on a mesh with them, or
+if what the clamps bear is not known there."""
 SLIVER = 1e-6
 """Length, L, of an element that nothing asks for."""
 SHORTEST_ELEMENT = 1e-8
@@ -156,8 +157,9 @@ def _without_short_elements(found: Found, tolerance: float) -> tuple[Found, floa
     bears, and halving them does not help. None if what the clamps bear is known, or is not known so, either.
     """
     rod = found.rod
-    known = rod.clamp_errors(found.q, found.F).max() <= ACCEPT * tolerance
-    if known or rod.h.min() > SHORT or rod.rubbed.any():
+    if rod.h.min() > SHORT or rod.rubbed.any():
+        return None
+    if rod.clamp_errors(found.q, found.F).max() <= ACCEPT * tolerance:
         return None
     joined = on_mesh(found, without_slivers(rod.mesh, SHORT))
     if joined is None:
