@@ -92,6 +92,25 @@ def test_the_motion_of_the_clamps_costs_no_drag(key: tuple[int, int], poses: int
     assert changes[1] < 3.0 * changes[0] < 0.1 * changes[2]
 
 
+@pytest.mark.parametrize(
+    ("key", "poses", "drag"), [((145, 30, "lift"), 4, 30.0), ((171, 254), 4, 3.0), ((20, 4), 6, 300.0)]
+)
+def test_the_drag_is_that_of_the_cable_not_of_its_nodes(key: tuple, poses: int, drag: float) -> None:
+    """Patches' ends move, and nodes along: Newton's method failed where rotations were summed up at nodes."""
+    case = drawn_case(*key[:2], 1e-4, *key[2:])
+    tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+    for joints in case.path[:poses]:
+        tracker.arrive(joints)
+    cable = tracker._tracked_cables[0]
+    rod, q, F = cable._rod, cable._q, cable._F
+    assert isinstance(rod, TouchingRod)
+    assert q is not None
+    ends = rod.qe, rod.re + [0.0, 1e-4, 1e-3], rod.f, rod.obstacles
+    code, iterations, _ = viscous_flow._step(rod, drag, q, F, ends, lambda *_: False)
+    assert code == warm_step.ADVANCED
+    assert iterations < 8
+
+
 def test_no_last_digit_picks_the_side() -> None:
     """A planar cable falls out of its plane: which way is not for the 12th digit of its joints to say."""
     case, ends = drawn_case(108, 6, 1e-4), []

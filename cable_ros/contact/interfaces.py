@@ -24,6 +24,7 @@ from cable_ros.contact.points import (
     space_at,
 )
 from cable_ros.contact.stretched import trace
+from cable_ros.rod import quaternion
 from cable_ros.rod.centreline import derivative, direction, elongation, find_element, position
 from cable_ros.rod.centreline import shape as shape_functions
 
@@ -209,25 +210,31 @@ def move_interface(q, grid, boundary, s, before, after):
 
 
 @njit(**INNER)
-def remap(field, h_old, s0_old, grid):
-    """Interpolate a field on the nodes, (3n,), on another mesh with as many elements; it is overwritten.
+def turned_since(q_then, h_then, s0_then, q, grid, out):
+    """Rotations of the cable's sections at the nodes, rad, since it was on other elements; (3n,) `out`.
 
-    `h_old`, `s0_old`: (m,) lengths and starts of the elements that it was on; `grid`: `Grid` of the others.
+    Of the sections, not of the nodes, which move along the cable with the boundaries.
+
+    Args:
+        q_then, h_then, s0_then: (n, 4) nodal frames then, and lengths and starts (m,) of as many elements.
+        q, grid: (n, 4) the frames now, and `Grid`.
     """
     h, s0, tables = grid
     nodes = tables.nodes
     order = nodes.shape[0] - 1
-    old = field.copy()
-    N, dN = np.empty(order + 1), np.empty(order + 1)
+    N, dN, then = np.empty(order + 1), np.empty(order + 1), np.empty(4)
     for e in range(h.shape[0]):
         for j in range(1, order + 1):
-            node = 3 * (e * order + j)
-            k, x = find_element(s0[e] + h[e] * nodes[j], s0_old, h_old)
+            node = e * order + j
+            k, x = find_element(s0[e] + h[e] * nodes[j], s0_then, h_then)
             shape_functions(nodes, x, N, dN)
-            for a in range(3):
-                field[node + a] = 0.0
+            for a in range(4):
+                then[a] = 0.0
                 for i in range(order + 1):
-                    field[node + a] += N[i] * old[3 * (k * order + i) + a]
+                    then[a] += N[i] * q_then[k * order + i, a]
+            turn = quaternion.turn(quaternion.multiply(quaternion.conjugate(then), q[node]))
+            for a in range(3):
+                out[3 * node + a] = turn[a]
 
 
 @njit(**INNER)

@@ -11,7 +11,7 @@ from cable_ros.contact.contact_state import ContactSet, History, Last, Options, 
 from cable_ros.contact.detection import dipping, flatten, may_stay, release, update_active_set
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, stick
-from cable_ros.contact.interfaces import place_points, remap
+from cable_ros.contact.interfaces import place_points, turned_since
 from cable_ros.contact.moving_obstacles import follow_obstacles
 from cable_ros.contact.patch_edges import meet_edges
 from cable_ros.contact.patch_ends import merge, move_ends, shrink
@@ -164,7 +164,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     gv = evaluation.g.reshape(n)
     s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
     gone, pull = np.zeros(n), np.empty(n)  # rotations in this step, and what the medium exerts
-    h_was, s0_was = h.copy(), s0.copy()  # the elements of `gone`
+    q_from, h_was, s0_was = q.copy(), h.copy(), s0.copy()  # since when
     elements = h.shape[0]
     cells = samples.shape[0] - 1
     spacing = 1.0 / cells
@@ -222,12 +222,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             if not tangent:
                 flattened, count = flatten(shape, spacing, obstacles, give, points, count)
                 edged, count = meet_edges(shape, f, obstacles, spacing, (depth, give), points, count)
-                if drag > 0.0:
-                    copy(h, h_was)
-                    copy(s0, s0_was)
                 moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
-                if drag > 0.0 and not (s0 == s0_was).all():
-                    remap(gone, h_was, s0_was, grid)  # it is the cable's, not the nodes'
                 released, count = release(shape, obstacles, points, count, False)
                 shrunk, count = shrink(points, count, spacing, depth)
                 merged, count = merge(points, count, spacing)
@@ -263,7 +258,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 skew_factor(kkt, total_rows, order, drag)
             if full or swaps.shape[0] != total_rows:
                 small, swaps = complement_factors(factors.S, total_rows)
-            if drag > 0.0:
+            if drag > 0.0 and not tangent:
+                turned_since(q_from, h_was, s0_was, q_new, grid, gone)
                 banded.multiply(tangents.elastic, gone, pull)
                 for i in range(n):
                     gv[i] += drag * pull[i]
@@ -287,14 +283,13 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             rotation, since = rotation + step, since + step
             quaternion.retract(q_new, s, q_new)
             close(q_new, qe)
-            if not (tangent and carried):
-                for i in range(n):
-                    gone[i] += s[i]
+            if tangent and carried:
+                copy_rows(q_new, q_from)
             change, couple, scale = correct_forces(contacts, count, y, rows, total_rows, F_new, soft)
             scale = max(scale, options.least)
             felt = max(step, couple / scale)
-            alone = model == FRICTIONLESS or (changes == 0 and felt < CALM * size)
-            ends, moment = move_ends(points, count, y, spacing, alone)
+            calm = changes == 0 and felt < CALM * size
+            ends, moment = move_ends(points, count, y, spacing, model == FRICTIONLESS or calm, calm)
             turned, unsettled = max(felt, ends), max(felt, change / scale)
             step = max(turned, change / scale)
             if not tangent:

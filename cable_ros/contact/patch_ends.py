@@ -30,6 +30,7 @@ from cable_ros.contact.points import (
     SHIFT,
     SLOPE_ROW,
     SWINGS,
+    WENT,
     add,
     concentrated,
     reaction_at,
@@ -67,7 +68,7 @@ FAINT = 1e-3
 
 
 @njit(**INNER)
-def move_ends(points, count, y, spacing, smooth):
+def move_ends(points, count, y, spacing, smooth, calm):
     """Move points and ends of patches to where no couple holds them.
 
     The couple that holds the slope, divided by the force that acts there, is its lever; an end that pulls is
@@ -78,6 +79,7 @@ def move_ends(points, count, y, spacing, smooth):
         y: (rows,) multipliers of the constraint rows.
         spacing: of the samples, L.
         smooth: whether only ends swing: what sticks or slips in turn does, too, and has no limit.
+        calm: whether the cable has all but come to rest.
 
     Returns:
         The largest motion, L, and the largest moment of a force about where it was, EI / L.
@@ -99,6 +101,10 @@ def move_ends(points, count, y, spacing, smooth):
         shift = y[int(points[i, SLOPE_ROW])] / max(abs(points[i, FORCE]), FAINT)
         if points[i, FORCE] < 0.0 and points[i, KIND] != POINT:
             shift = (0.5 if points[i, KIND] == FIRST else -0.5) * spacing
+            # where force and couple vanish together, that end goes out until it pulls, and in again
+            nothing = -points[i, FORCE] * points[i, WENT] / y[3 + i]  # to where it bears that, by the secant
+            if calm and 0.0 < nothing * shift < shift * shift:
+                shift = nothing
             if points[i, SWINGS] > 0.0 and point_beyond(points, count, i, APART * spacing) >= 0:
                 shift = 0.0  # it has come back: see `settle`
         last, points[i, SHIFT] = points[i, SHIFT], shift
@@ -124,6 +130,7 @@ def move_ends(points, count, y, spacing, smooth):
         moment = max(moment, abs(shifts[i] * points[i, FORCE]))
     for i in range(count):
         points[i, ARC_LENGTH] += shifts[i]
+        points[i, WENT] = shifts[i]
     return largest, moment
 
 

@@ -19,7 +19,7 @@ CAPACITY = 240
 OBSTACLE, ARC_LENGTH, KIND, FORCE, FRICTION, BEFORE, INTERFACE, LENGTH, NUMBER = 0, 1, 2, 3, 4, 7, 10, 11, 12
 SLOPE_ROW, SLIPS, STICK_ROW, SLIP_ROW, SHIFT, MOTION, SWINGS = 13, 14, 15, 16, 17, 18, 21
 ARM, HOLD, GIVEN, TARGET, SPRING, WAS, AT_EDGE = 22, 25, 26, 29, 32, 33, 34
-SLIP, SLIP_BEFORE, STEP_BEFORE, COLUMNS = 35, 38, 41, 42
+SLIP, SLIP_BEFORE, STEP_BEFORE, WENT, COLUMNS = 35, 38, 41, 42, 43
 """Columns of the contact points (CAPACITY, COLUMNS): obstacle, arc length, kind, normal force, friction (3),
 the friction of the last equilibrium (3), the boundary between elements that goes with the point (-1: none),
 the length of cable that a sample stands for, the number of a sample along the cable (of an end: how often a
@@ -31,8 +31,8 @@ how often in a row a point went back by what it had come; then what holds a poin
 place (3) and the stiffness of a spring; the arc length of a point at the last equilibrium (0: it is new);
 of an end of a patch, see `patch_edges`, -1 if an edge holds it (SHIFT is how far it would go), the pressure
 if the cable stands off between it and an edge, else 0; how far a point that slips has slipped in the step,
-L (3), and in the one before (3; 0: it stuck, or is new), and that step's length, L; then the number of
-columns."""
+L (3), and in the one before (3; 0: it stuck, or is new), that step's length, L; and how far an end of a
+patch was moved in the last iteration, L; then the number of columns."""
 POINT, SAMPLE, FIRST, LAST = 0.0, 1.0, 2.0, 3.0
 """Kinds: a touching point, one of the samples of a contact patch, the touchdown and the lift-off point of a
 patch.

@@ -83,7 +83,7 @@ class Flow:
         """Where `ends` is on the path that is left, a fraction of it."""
         self._at, self._there, self._then = (q, F), rod.kept(), rod.then
         self._drag, self._last, self._floor, self._energy = FIRST, FIRST, 0.0, np.inf
-        # rotation in the last step, and what it must be below to come to rest, rad
+        # rotation in the last step, and the most with which it may come to rest, rad
         self._before = self._slow = np.inf
         self._turned = np.zeros((len(GRID), 3))  # rotations in the last step, rad
         self._behind: deque[Behind] = deque(maxlen=RETURNS)
@@ -148,7 +148,7 @@ class Flow:
                 self._energy, self._floor = stored, EASES * self._floor
                 self._last, self._before = self._drag, moved
                 if moved < CALM:
-                    still = self._drag * moved < STILL and moved < self._slow
+                    still = self._drag * moved < STILL and moved <= self._slow
                     self._drag = 0.0 if still else max(FADES * self._drag, self._floor)
                 return False
         back()
@@ -166,6 +166,7 @@ class Flow:
             self._drag, self._slow = FADES * self._last, 0.5 * self._before
         else:
             self._drag = self._floor = self._last
+            self._slow = self._before  # one that gathers speed does not come to rest
         return False
 
 
