@@ -58,8 +58,11 @@ SLOW = 0.15
 """Refactor if an iteration leaves more than this fraction of the error."""
 MOST_TURNS = 4
 """Maximum number of revisions in a row that undo each other: at a fold what lets go is inside once it has."""
-MOST_REVISIONS, MOST_ITERATIONS, MOST_WITH_FRICTION = 44, 25, 40
+MOST_REVISIONS, MOST_ITERATIONS, MOST_WITH_FRICTION, MOST_AGAINST_DRAG = 44, 25, 40, 80
 """Maximum number of changes of the active set in a solve, and of iterations between two of them."""
+FRONT = 8
+"""Maximum number of contacts that begin to slip in an iteration against drag beyond MOST_WITH_FRICTION: where
+stick is stiff, slip spreads along a patch by a sample or two in each, and more of them go to and fro."""
 IN_TURN, SHORT, STAYS, PULLS = 8, 1e4, 100.0, 5e-3
 """Number of such changes without friction after which a set is left as it is: in a step that turns the
 cable by less than the first multiple of the tolerance, if they move it by less than the second, and nothing
@@ -86,15 +89,17 @@ SHARP = 100.0
 much as the cable moves by nothing, and the start wrench with it, of which the end force tells nothing."""
 STILL = 1e-11
 """Rotations in an iteration, rad, below which points may go on changing between stick and slip."""
-ROUNDING = 10.0
-"""Steps that stagnate below this multiple of the tolerance are rounding error."""
+ROUNDING, NOISE = 10.0, 1e-6
+"""Steps that stagnate below this multiple of the tolerance, or of STILL, are rounding error; and how much of
+the end force may go on changing in the second case, between the ends of a short patch."""
 DENSE, MANY_ROWS = 45.0, 200.0
 """The square of this number of constraint rows takes as long as one unknown of the band, 2 us; and the number
 from which on they cost as its third power."""
 LEAST_WORK = 80_000.0
 """Work that a solve may take however little is left, see `iteration_work`: 160 ms."""
-MOST_IN_ALL, MOST_FROM_SOFT = 75, 120
-"""Beyond this many iterations the active set is assumed to cycle; the same where presliding is halved."""
+MOST_IN_ALL, MOST_FROM_SOFT = 75, 160
+"""Beyond this many iterations the active set is assumed to cycle; the same where presliding is halved,
+and against drag."""
 
 
 @njit(**INNER)
@@ -212,11 +217,14 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
     revised, turns = 0, 0  # contacts added in the last revision, and how often as many went as had come
     known = known and ready and (f == last.f).all() and (obstacles == last.obstacles).all()
+    in_turn, in_all = MOST_ITERATIONS, MOST_FROM_SOFT if softest > 0.0 or drag > 0.0 else MOST_IN_ALL
+    if model == COULOMB:
+        in_turn = MOST_AGAINST_DRAG if drag > 0.0 else MOST_WITH_FRICTION
     for revision in range(MOST_REVISIONS):
-        if total > (MOST_FROM_SOFT if softest > 0.0 else MOST_IN_ALL):
+        if total > in_all:
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
         converged = False
-        for iteration in range(MOST_WITH_FRICTION if model == COULOMB else MOST_ITERATIONS):
+        for iteration in range(in_turn):
             changes = 0
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
             if not tangent:
@@ -243,6 +251,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 new_rows, same, _ = assemble_kkt(
                     shape, (F_new, f), section, obstacles, history, contacts, count, kkt, full, tangent
                 )
+            if iteration >= MOST_WITH_FRICTION and flips > FRONT:
+                return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
             if tangent and not known:
                 follow_obstacles(contacts, count, rows, new_rows if full else total_rows)
             changes += flips
@@ -308,6 +318,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 settled = changes == 0 or (changes == flips and turned < STILL)
                 if settled and (judged * trusted <= enough or judged < 1e-13):
                     step, converged = judged, True
+                    break
+                if stagnates and turned <= ROUNDING * STILL and step <= NOISE:
+                    converged = True
                     break
                 if stagnates and same and steady and turned <= ROUNDING * tolerance:
                     # the shape hardly depends on how neighbouring samples share their force
