@@ -166,7 +166,7 @@ class Flow:
             self._drag, self._slow = FADES * self._last, 0.5 * self._before
         else:
             self._drag = self._floor = self._last
-            self._slow = self._before  # one that gathers speed does not come to rest
+            self._slow = 0.5 * self._before  # one that gathers speed does not come to rest
         return False
 
 
