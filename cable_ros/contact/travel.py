@@ -18,12 +18,11 @@ FRICTION_STEP, LYING_STEP, CONTACT_STEP = 0.02, 0.005, 0.1
 """Longest step, lengths, of a cable among obstacles: with friction, where it lies with friction, and without:
 friction depends on the path between two poses, which is taken to be straight. In steps of 0.01 lengths lying
 hoses were half as far off again."""
-POINTS_CHANGE, LYING_CHANGE = 0.01, 0.06
+POINTS_CHANGE, LYING_CHANGE = 0.015, 0.06
 """Maximum change in a step of the friction of what slips, relative to all possible friction, where the cable
 touches at points alone, see `slip_kernels.slip_bend`, and where it lies: along a patch slip has one direction
-in a step. With 0.03 and 0.24 wrenches differed by 1 to 2 % from those of finer steps, with 0.015 at a point
-whose friction turned by 35 degrees by 1.4 %. Where turns along the cable counted for a quarter, a leg stuck
-in a corner beside one that slid was 6 % off, another one 32 %."""
+in a step. With 0.03 and 0.24 wrenches differed by 1 to 2 % from those of finer steps. Where turns along the
+cable counted for a quarter, a leg stuck in a corner beside one that slid was 6 % off, another one 32 %."""
 FORCE_CHANGE, TAUT_FORCE_CHANGE = 0.1, 0.3
 """Maximum relative change of the end force in a step where the cable lies, or contact begins; and in one in
 which that begins on a cable near TAUT. A hose whose end force falls to a third in 0.02 L was 10 % off in one
