@@ -39,7 +39,7 @@ REFINE = 0.4
 SAMPLED = 1e-3
 """Maximum error, by what friction does between its samples, that is told: a grid's is mostly larger."""
 ACCEPT_ROUGH = 0.25
-"""As ACCEPT, with friction at points alone. The estimate holds in place what sticks; where its friction is
+"""As ACCEPT, with friction at points alone, or at one that sticks. The estimate holds in place what sticks; where its friction is
 held instead, as a judge does who is told that friction, the error was up to three times the estimate."""
 ASTRAY = "Friction was followed in steps, whose estimated error of the end wrench, {:.1e}, is too large."
 MOST_OF_PATH = 0.5
@@ -242,7 +242,8 @@ class TrackedEquilibrium(CableModel):
         sinks = rod.unresolved(self._q, LENIENT).any()
         beside = rod.clamp_errors(self._q, self._F).max()
         iterations = 0
-        accept = ACCEPT_ROUGH if rod.frictional and not rod.lies else ACCEPT
+        points = rod.frictional and (not rod.lies or rod.sticks_at_point)
+        accept = ACCEPT_ROUGH if points else ACCEPT
         if max(self._estimate, beside) > accept * self.tolerance or sinks:
             before = Found.at(rod, self._q, self._F)
             fine, estimate = refine(before, self.tolerance)

@@ -75,6 +75,12 @@ class FrictionalRod(FixedSetRod):
         return bool((self._on_rough() & (self.points[: self.count, KIND] != POINT)).any())
 
     @property
+    def sticks_at_point(self) -> bool:  # type: ignore[override]
+        """Whether it sticks to something where it touches at a point."""
+        points = self.points[: self.count]
+        return bool((self._on_rough() & (points[:, KIND] == POINT) & (points[:, SLIPS] == 0.0)).any())
+
+    @property
     def rubbed(self) -> np.ndarray:
         """(m,) see `Rod.rubbed`."""
         out, points = super().rubbed, self.points[: self.count]

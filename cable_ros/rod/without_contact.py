@@ -53,6 +53,9 @@ class WithoutContact:
     lies = False
     """Whether it lies along an obstacle with friction."""
 
+    sticks_at_point = False
+    """Whether it sticks to something where it touches at a point."""
+
     all_slip = False
     """Whether all contacts are points and slip: where a patch lies depends on the past even as it slips."""
 
