@@ -39,8 +39,8 @@ REFINE = 0.4
 SAMPLED = 1e-3
 """Maximum error, by what friction does between its samples, that is told: a grid's is mostly larger."""
 ACCEPT_ROUGH = 0.25
-"""As ACCEPT, with friction at points alone, or at one that sticks. The estimate holds in place what sticks; where its friction is
-held instead, as a judge does who is told that friction, the error was up to three times the estimate."""
+"""As ACCEPT, with friction at points alone, or at one that sticks. The estimate holds in place what sticks;
+where its friction is held instead, as a judge does who is told it, the error was three to four times that."""
 ASTRAY = "Friction was followed in steps, whose estimated error of the end wrench, {:.1e}, is too large."
 MOST_OF_PATH = 0.5
 """The largest such error of what is published, relative: mostly it is told two or three times too large."""

@@ -367,8 +367,9 @@ class ActiveSetRod(FrictionalRod):
         rotation = self.rotation + rotated if self.ready else np.inf
         was_loaded = self.loaded
         loaded = was_loaded + float(np.linalg.norm(F_new - F)) / EULER
-        if self.model == COULOMB and turned == 0.0 and same and rotation < self.refactor_at:
-            # what slips has new factors in most steps: stability need not be judged as often
+        if self.lies and turned == 0.0 and same and rotation < self.refactor_at:
+            # what slips has new factors in most steps: stability need not be judged as often where it lies;
+            # a point that sticks lets a fork begin and end within a few steps
             turned, self.judged = rotation, False
         if self.ready and self.model != FRICTIONLESS and turned == 0.0:
             # with friction as it is; the iteration's own factors say nothing about stability, but they

@@ -89,9 +89,9 @@ SHARP = 100.0
 much as the cable moves by nothing, and the start wrench with it, of which the end force tells nothing."""
 STILL = 1e-11
 """Rotations in an iteration, rad, below which points may go on changing between stick and slip."""
-ROUNDING, NOISE = 10.0, 1e-6
-"""Steps that stagnate below this multiple of the tolerance, or of STILL, are rounding error; and how much of
-the end force may go on changing in the second case, between the ends of a short patch."""
+ROUNDING, NOISE = 10.0, 100.0
+"""Steps that stagnate below this multiple of the tolerance, or of STILL, are rounding error; and the multiple
+of the tolerance by which forces may go on changing then, over the end force, between ends of a short patch."""
 DENSE, MANY_ROWS = 45.0, 200.0
 """The square of this number of constraint rows takes as long as one unknown of the band, 2 us; and the number
 from which on they cost as its third power."""
@@ -319,7 +319,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 if settled and (judged * trusted <= enough or judged < 1e-13):
                     step, converged = judged, True
                     break
-                if stagnates and turned <= ROUNDING * STILL and step <= NOISE:
+                if stagnates and turned <= ROUNDING * STILL and step <= NOISE * tolerance:
                     converged = True
                     break
                 if stagnates and same and steady and turned <= ROUNDING * tolerance:
