@@ -69,17 +69,23 @@ def test_a_cable_falls_from_its_last_contact_however_the_path_is_told() -> None:
         assert np.linalg.norm(end - ends[0]) < SAME * np.linalg.norm(ends[0])
 
 
-@pytest.mark.parametrize(("key", "poses"), [((167, 708), 1), ((152, 15, "table"), 3)])
-def test_the_motion_of_the_clamps_costs_no_drag(key: tuple[int, int], poses: int) -> None:
-    """Carried, a step against a hundred times the drag changes the end force by no more; else 50 times."""
+def led(
+    key: tuple[int, int] | tuple[int, int, str], poses: int
+) -> tuple[TouchingRod, np.ndarray, np.ndarray]:
+    """A drawn case's rod after its first poses, its nodal frames and its end force."""
     case = drawn_case(*key[:2], 1e-4, *key[2:])
     tracker = Tracker(case_scene(case), tolerance=case.tolerance)
     for joints in case.path[:poses]:
         tracker.arrive(joints)
-    cable = tracker._tracked_cables[0]
-    rod, q, F = cable._rod, cable._q, cable._F
-    assert isinstance(rod, TouchingRod)
-    assert q is not None
+    (cable,) = tracker._tracked_cables
+    assert isinstance(cable.rod, TouchingRod)
+    return cable.rod, cable.q, cable.end_force
+
+
+@pytest.mark.parametrize(("key", "poses"), [((167, 708), 1), ((152, 15, "table"), 3)])
+def test_the_motion_of_the_clamps_costs_no_drag(key: tuple[int, int], poses: int) -> None:
+    """Carried, a step against a hundred times the drag changes the end force by no more; else 50 times."""
+    rod, q, F = led(key, poses)
     ends = rod.qe, rod.re + [0.0, 1e-4, 0.0], rod.f, rod.obstacles
     put_back, changes = rod.kept(), []
     for drag, carried in ((1.0, True), (100.0, True), (100.0, False)):
@@ -97,14 +103,7 @@ def test_the_motion_of_the_clamps_costs_no_drag(key: tuple[int, int], poses: int
 )
 def test_the_drag_is_that_of_the_cable_not_of_its_nodes(key: tuple, poses: int, drag: float) -> None:
     """Patches' ends move, and nodes along: Newton's method failed where rotations were summed up at nodes."""
-    case = drawn_case(*key[:2], 1e-4, *key[2:])
-    tracker = Tracker(case_scene(case), tolerance=case.tolerance)
-    for joints in case.path[:poses]:
-        tracker.arrive(joints)
-    cable = tracker._tracked_cables[0]
-    rod, q, F = cable._rod, cable._q, cable._F
-    assert isinstance(rod, TouchingRod)
-    assert q is not None
+    rod, q, F = led(key, poses)
     ends = rod.qe, rod.re + [0.0, 1e-4, 1e-3], rod.f, rod.obstacles
     code, iterations, _ = viscous_flow._step(rod, drag, q, F, ends, lambda *_: False)
     assert code == warm_step.ADVANCED

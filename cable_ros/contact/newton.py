@@ -90,8 +90,8 @@ much as the cable moves by nothing, and the start wrench with it, of which the e
 STILL = 1e-11
 """Rotations in an iteration, rad, below which points may go on changing between stick and slip."""
 ROUNDING, NOISE = 10.0, 100.0
-"""Steps that stagnate below this multiple of the tolerance, or of STILL, are rounding error; and the multiple
-of the tolerance by which forces may go on changing then, over the end force, between ends of a short patch."""
+"""Steps that stagnate below this multiple of the tolerance, or of STILL, are rounding error; and that of the
+tolerance by which forces may go on changing then, over the end force, between the ends of a short patch."""
 DENSE, MANY_ROWS = 45.0, 200.0
 """The square of this number of constraint rows takes as long as one unknown of the band, 2 us; and the number
 from which on they cost as its third power."""
