@@ -81,7 +81,6 @@ DRAWN = {
     (168, 156): "a heavy lift falls, told in 4 times as many poses: 3.7 % at one pose, it says 1.3 %",
     (169, 39): "heavy, over rough beams, told in 4 times as many poses: 4.4 % at one pose",
     (169, 1130): "over smooth beams: off by 3.6e-4 at one pose, asked for 1e-4",
-    (169, 1146): "a rough drum pushed up: which of two images it takes hangs on how the path is told",
     (169, 1156): "taut over rough rollers in 101 poses, told in 4 times as many: 1.5 % at two",
     (170, 42): "a rough ball pushed up: three poses are reported, one is 1.1 % off",
     (170, 66): "rough rollers pushed up and down, told in 4 times as many poses: 1.5 % at one pose",
@@ -136,8 +135,6 @@ DRAWN = {
     (179, 451): "a ball led across under a rough cable until it is taut: 13 reported, 1.1 % at four",
     (179, 606): "a hose led round: the start wrench is off by 0.6 % at one pose",
     (179, 611): "rough beams pushed up: two poses are reported, 15 are lost, 2.8 % at five",
-    (179, 635): "a lift falls as it turns over, and is lost for 45 poses",
-    (178, 152): "a hose led aside falls onto rough ground: a grid's error, 7.4 %, refuses 39 poses",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {

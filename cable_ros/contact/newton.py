@@ -169,7 +169,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     gv = evaluation.g.reshape(n)
     s, b, y = np.empty(n), np.zeros(V.shape[0]), np.empty(V.shape[0])
     gone, pull = np.zeros(n), np.empty(n)  # rotations in this step, and what the medium exerts
-    q_from, h_was, s0_was = q.copy(), h.copy(), s0.copy()  # since when
+    q_from, h_was, s0_was = q.copy(), h.copy(), s0.copy()  # from where `gone` counts
     elements = h.shape[0]
     cells = samples.shape[0] - 1
     spacing = 1.0 / cells
