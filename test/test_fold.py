@@ -229,3 +229,11 @@ def test_a_cable_that_falls_off_a_ball_falls_to_the_side_that_it_would_fork_to()
         ends.append(found[-1].end_wrench)
     assert_alike(ends)
     assert abs(ends[0][1]) > 0.5  # N; 0 in the plane
+
+
+def test_steps_that_were_halved_show_a_fold() -> None:
+    """The margins before it lie as far apart as the last step is long, but for the last bit: one of them was
+    left out, nothing else told of the fold, and the branch was said to be lost.
+    """
+    found = answers(case := drawn_case(177, 956, 1e-4), case.path)
+    assert [one.status for one in found] == [Status.CONVERGED, Status.SNAPPED, Status.SNAPPED]

@@ -31,6 +31,8 @@ folds of free cables it was 0.3 to 1.7."""
 FINE = (0.0, 1e-5, 1e-4)
 """Lengths of a step, L, below which it counts as so long, tried in turn: where rounding makes a cable lean,
 the last ones are too short, and the margin along them too rough, to extrapolate from."""
+ALMOST = 1.0 - 1e-9
+"""Part of that length which is as long, but for rounding: a halved step is as long as the one before."""
 PERTURBATION = 5e-12
 """Size, root of the elastic energy, of the fixed perturbation that a snap-through starts from: above
 rounding, below what changes the energy."""
@@ -144,7 +146,7 @@ def snap_and_record(
         long = max(_length(path, at, at + step), 1e-300)
         for fine in FINE:
             least = step * max(1.0, fine / long)
-            earlier = [one for one in margins[-2:-1] if at - one[0] >= least]
+            earlier = [one for one in margins[:-1] if at - one[0] >= ALMOST * least][-1:]
             earlier = earlier or _earlier_margin(before, q, F, path, at, least, tolerance)
             to_fold = min((_to_fold(at, margin, *one) / least for one in earlier), default=np.inf)
             if to_fold <= FOLD:
