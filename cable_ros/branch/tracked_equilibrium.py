@@ -271,7 +271,8 @@ class TrackedEquilibrium(CableModel):
             beside = rod.clamp_errors(self._q, self._F).max()
         resolved = max(self._estimate, beside) <= self.tolerance
         self._estimate = max(self._estimate, beside, rod.friction_error(self._q, self._F))
-        told = resolved and self._model == COULOMB and self._estimate <= SAMPLED
+        most = max(SAMPLED, rod.path_error(self._path_force))  # that of the path is told as well
+        told = resolved and self._model == COULOMB and self._estimate <= most
         if self._estimate > self.tolerance and not told:
             moved = self._onto_better_grid(rod, self._q, self._F)
             return iterations, "" if moved else INACCURATE.format(self._estimate, self.tolerance)
