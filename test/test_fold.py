@@ -235,5 +235,6 @@ def test_steps_that_were_halved_show_a_fold() -> None:
     """The margins before it lie as far apart as the last step is long, but for the last bit: one of them was
     left out, nothing else told of the fold, and the branch was said to be lost.
     """
-    found = answers(case := drawn_case(177, 956, 1e-4), case.path)
+    case = drawn_case(177, 956, 1e-4)
+    found = answers(case, case.path)
     assert [one.status for one in found] == [Status.CONVERGED, Status.SNAPPED, Status.SNAPPED]

@@ -161,12 +161,13 @@ class Flow:
                 back()
                 self._drag = self._floor = FASTER * drag
                 self._fails, self._turned = 0, np.zeros_like(self._turned)
-        elif code == warm_step.NOT_CONVEX:
-            # slow because it has only begun to leave: it comes to rest after it has slowed down again
-            self._drag, self._slow = FADES * self._last, 0.5 * self._before
         else:
-            self._drag = self._floor = self._last
-            self._slow = 0.5 * self._before  # one that gathers speed does not come to rest
+            # slow because it has only begun to leave: it comes to rest after it has slowed down again
+            self._slow = 0.5 * self._before
+            if code == warm_step.NOT_CONVEX:
+                self._drag = FADES * self._last
+            else:
+                self._drag = self._floor = self._last
         return False
 
 
