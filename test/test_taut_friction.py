@@ -12,6 +12,10 @@ import numpy as np
 import pytest
 from test_told_finer import told
 
+from cable_ros import Status
+from cable_ros.bench.drawn import drawn_case
+from cable_ros.bench.metamorphic import follow, nudged
+
 ROLLERS = (155, 7, "rollers")
 TAUT = {2: 77.0, 3: 3.37, 6: 97.2}
 """Pose -> end force, N, by test/references/coulomb_rod.py along the whole path in steps of 2e-3 lengths: with
@@ -34,3 +38,24 @@ def test_the_tolerance_does_not_matter() -> None:
     for pose in TAUT:
         force = np.linalg.norm(fine[pose].end_wrench[:3])
         assert np.linalg.norm(coarse[pose].end_wrench[:3]) == pytest.approx(force, rel=0.03)
+
+
+@pytest.mark.parametrize("digits", [127, 128])
+def test_a_cable_drawn_taut_is_led_back(digits: int) -> None:
+    """All steps of a call failed from 2,000 N: those of the next, as long, did, too, also on the way back."""
+    case = drawn_case(25, 102, 1e-4)
+    first, other = follow(case), follow(nudged(case, digits))
+    assert Status.NOT_CONVERGED in {one.status for one in first.found}
+    for one in (first.found[-1], other.found[-1]):
+        assert one.status is Status.CONVERGED, one.message
+    assert first.difference(first.found[-1], other.found[-1], -1) < case.tolerance
+
+
+def test_what_was_not_followed_is_not_known_again_until_it_slips() -> None:
+    """Led on until it is taut, and back: how far it got decides what sticks; the next pose was 40 % off."""
+    case = drawn_case(167, 694, 1e-4)
+    found = follow(case).found
+    last_taut = max(i for i, one in enumerate(found) if "rises steeply" in one.message)
+    assert not found[last_taut + 1].status.trusted
+    assert "could not be followed: what friction holds" in found[last_taut + 1].message
+    assert all(one.status.trusted for one in found[last_taut + 2 :])

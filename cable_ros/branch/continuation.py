@@ -58,9 +58,10 @@ DESCENT_COST = 4
 """Work of an iteration of an energy descent, in iterations of a warm step."""
 FREE_SNAPS = 2
 """Number of snap-throughs outside the budget: even a small step may meet a fold, and end just before it."""
-FALLS, FALL = 3, 1e-3
+FALLS, FALL, FALL_LYING = 3, 1e-3, 5e-3
 """Maximum number of falls with friction in a call, and the length of the failed step, L, below which it is
-tried whether the cable falls: else a grid takes over."""
+tried whether the cable falls, and whether one that lies does: else a grid takes over, which itself falls
+there, elsewhere by the last digit of the joints."""
 EDGE = 3.0
 """Maximum distance to an edge that a step may cross, in motions of clamps and obstacles."""
 VERY_TAUT = 2e4
@@ -132,7 +133,7 @@ def continue_branch(
     step: float = 0.25, longest: float = 1.0,
     fallback: Callable[[Rod, np.ndarray, np.ndarray], NodalRod | None] | None = None,
     farthest: float = np.inf, lying_work: float = FALLBACK_LYING_WORK,
-    taut_force: float = VERY_TAUT, may_turn: bool = False,
+    taut_force: float = VERY_TAUT, may_turn: bool = False, slackens: bool = False,
 ) -> Continuation:  # fmt: skip
     """Continue the branch of the factored equilibrium (q, F) along path(0..1), in steps of at most `longest`.
 
@@ -152,16 +153,19 @@ def continue_branch(
         lying_work: maximum work before a rod that lies along an obstacle with friction is replaced.
         taut_force: end force from which the branch is known to be taut, EI / L^2.
         may_turn: whether a cable that is free to turn may turn as the path goes on, not at once.
+        slackens: whether a taut cable is only followed where its end force falls.
     """
     at, iterations = 0.0, 0
     snaps: list[SnapThrough] = []
     margins: list[tuple[float, float]] = []  # fractions of the path and stability margins there
     first = _norm(F)
     forces: list[tuple[float, float]] = [(at, first)]  # of the last two equilibria, and their end forces
-    taut, in_a_row, failed, falls = False, 0, 0, 0  # `failed`: times since a step was taken
+    taut, in_a_row, failed, falls = slackens, 0, 0, 0  # `failed`: times since a step was taken
     given = last = rod.work  # at the start, and after the last step
     fork: float | None = None
-    was_taut, slackens = first >= taut_force and not rod.on_grid, False
+    was_taut = first >= taut_force and not rod.on_grid
+    gives = slackens  # whether a step that was too long would have led to a smaller end force
+    most_force = (first if slackens else max(first, MOST_FORCE)) if was_taut else np.inf
     allowed = longest  # how long a step friction's changes in the last one allow, whether or not it is solved
     rod.forked = False
     sound: Sound | None = None
@@ -200,7 +204,7 @@ def continue_branch(
             step = (target - at) * max(0.9 * at_once / far, 0.1)
             continue
         rod.short = step <= SHORT * longest
-        put_back = rod.kept() if was_taut and first >= AS_GOOD_AS_TAUT else None
+        put_back = rod.kept() if was_taut and (slackens or first >= AS_GOOD_AS_TAUT) else None
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
@@ -210,7 +214,7 @@ def continue_branch(
         rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
         if rod.frictional and code in (warm_step.ADVANCED, warm_step.TOO_FAR):
             allowed = min((target - at) * rod.stride, longest)
-        if code == warm_step.ADVANCED and put_back is not None and _norm(F_new) > max(first, MOST_FORCE):
+        if code == warm_step.ADVANCED and put_back is not None and _norm(F_new) > most_force:
             put_back()  # from there it may not be led back
             rod.refactor(q, F)
             return ended(End.TAUT)
@@ -238,8 +242,8 @@ def continue_branch(
         # a grid does not resolve how a taut cable bends, and may fail on the way back as well
         known = len(forces) == 1 and was_taut
         strays = code in (warm_step.TOO_FAR, warm_step.NOT_CONTRACTING)
-        slackens |= known and strays and _norm(F_new) < SLACKENS * force
-        if known and slackens and step > LEAST * longest:
+        gives |= known and strays and _norm(F_new) < SLACKENS * force
+        if known and gives and step > LEAST * longest:
             step *= min(rod.stride, 0.5)  # the first steps of the way back are the shortest
             continue
         taut_at = at if known else _taut_at(forces)
@@ -250,6 +254,8 @@ def continue_branch(
             shortest = FALLBACK * longest
             if taut and (step < shortest or (at > 0.0 and force > VERY_TAUT)):
                 return ended(End.TAUT)
+            if step < shortest and rod.frictional and force > VERY_TAUT:
+                return ended(End.TAUT)  # it may give way before, but a grid would not tell when
             if step >= shortest:
                 step *= min(rod.stride, 0.5)
                 continue
@@ -291,7 +297,9 @@ def continue_branch(
         if rod.on_grid:
             may_fall = far < FALL and code != warm_step.TOO_FAR
         else:
-            ends = far < FALL or not (stable or rod.lies)
+            # one that is taut slackens as far in as short a step
+            near = far < (FALL_LYING if soft else FALL) and (force < TAUT or tiny)
+            ends = near or not (stable or rod.lies)
             may_fall = fallback is not None and gives_way and ends
         if may_fall and falls < FALLS and rod.fell_short is not F:
             falls += 1

@@ -40,6 +40,9 @@ WORK = 150_000
 """The same among obstacles, about 300 ms at 2 us; continuations that arrive take a quarter of it."""
 SMOOTH = 5
 """Number of iterations of a step above which the branch may have forked in it."""
+LEAST_WAY_BACK = 1e-4
+"""Least part of the longest step with which a cable that is taut tries the next pose, if all steps of a call
+failed: one drawn around a ball could not be led back, for each call began with the same long steps."""
 PROGRESS = 0.01
 """Minimum progress of one solve, as a fraction of the longest step; with less it is stuck."""
 PROGRESS_LYING = 1e-3
@@ -104,7 +107,11 @@ class FollowedEquilibrium(SearchedEquilibrium):
         rod.work = self._budget
         rod.patience, rod.short, rod.forked = PATIENCE, False, False
         falls = rod.falling is not None
-        if falls or self._share < 1.0 or largest_difference(joints, self._joints) > LONGEST:
+        if (
+            falls
+            or min(self._share, self._way_back) < 1.0
+            or largest_difference(joints, self._joints) > LONGEST
+        ):
             return self._continue_to(kinematics, index, joints, poses, begin)
         qe, re, f, obstacles, far, room = self._destination(kinematics, joints, poses, rod)
         if room < -CLAMP_DEPTH and (inside := self._clamp_inside(obstacles, re)):
@@ -276,13 +283,14 @@ class FollowedEquilibrium(SearchedEquilibrium):
         longest = LONGEST / max(distance, LONGEST)
         fallback = self._on_grid if rod.replaceable else None
         fell, share = rod.falling is not None, self._share
-        first, self._share = longest * min(rod.stride, rod.first_stride, share), 1.0
+        way_back, self._share, self._way_back = self._way_back, 1.0, 1.0
+        first = longest * min(rod.stride, rod.first_stride, share, way_back)
         tolerance = ALGEBRAIC * self.tolerance
         untried = rod.work <= 0.0 < self._budget  # one step to the pose itself has used it up
         result = continue_branch(
             rod, self._q, self._F, path, tolerance, first, longest, fallback,
             lying_work=FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK,
-            taut_force=self._taut_force, may_turn=self._ends is None,
+            taut_force=self._taut_force, may_turn=self._ends is None, slackens=way_back < 1.0,
         )  # fmt: skip
         self._rod = rod = result.rod
         # continue from where it ended, maybe on another rod
@@ -342,6 +350,9 @@ class FollowedEquilibrium(SearchedEquilibrium):
             longer = self._gets_taut(rod, path, result.at)
             if taut:
                 self._taut_force = min(self._taut_force, force)
+                rod.follow_nothing()
+                if result.at == 0.0 and (rod.work <= 0.0 or way_back < 1.0):
+                    self._way_back = max(min(result.step / longest, way_back), LEAST_WAY_BACK)
             if taut or longer:
                 message = self._taut(rod, result.at, longer)
                 return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)

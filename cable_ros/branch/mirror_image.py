@@ -8,7 +8,7 @@ import numpy as np
 from cable_ros.branch.cold_start import Conditions, Found, Sought, carried, same
 from cable_ros.branch.end_for_end import end_for_end
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.symmetry import GRID, OUT, lost_symmetry
+from cable_ros.contact.symmetry import GRID, GROWS, OUT, lost_symmetry
 from cable_ros.rod import quaternion
 from cable_ros.rod.initial_shapes import side
 
@@ -18,7 +18,10 @@ EVEN = 5e-4
 """Maximum twist asked for, rad, to which an equilibrium and its mirror image are equally near: a path's
 rounding."""
 SAME_SHAPE = 1e-6
-"""Maximum difference of the frames of a shape that is its own mirror image, for OUT, see `symmetry`."""
+"""Maximum difference of the frames of a shape that is its own mirror image."""
+NEARLY = 0.1
+"""The same of a shape beside a fork, as a fraction of `symmetry.OUT`: there rounding of the joints, 1e-12,
+had put one out of its plane by 2e-5, which picked the side."""
 
 
 def plane_of_symmetry(sought: Sought) -> np.ndarray | None:
@@ -78,8 +81,7 @@ def by_rule(found: Found, shape: np.ndarray, uneven: float = OUT) -> tuple[Found
     if rod.frictional or (isinstance(rod, NodalRod) and rod.state.tau.any()):
         return found, False
     n = plane_of_symmetry(Sought(rod.K, rod.natural, Conditions(rod.qe, rod.re, rod.f), None, SYMMETRIC))
-    most = SAME_SHAPE * uneven / OUT
-    if n is not None and np.abs(reflected(shape, n) - shape).max() <= most:
+    if n is not None and _leaves(shape, rod.mesh.interpolate(found.q, GRID), n, NEARLY * uneven):
         image = _image(found, n)
     else:
         lost = lost_symmetry(shape, rod.mesh.interpolate(found.q, GRID), rod.re, uneven)
@@ -88,6 +90,16 @@ def by_rule(found: Found, shape: np.ndarray, uneven: float = OUT) -> tuple[Found
         return found, False
     image.rod.work, image.rod.patience, image.rod.short = rod.work, rod.patience, rod.short
     return found if side_of(image) < side_of(found) else image, True
+
+
+def _leaves(shape: np.ndarray, found: np.ndarray, n: np.ndarray, most: float) -> bool:
+    """Whether a shape is its own image by the plane with normal n (3,), to `most`, and `found` is not.
+
+    Both (65, 4), at GRID.
+    """
+    uneven = float(np.abs(reflected(shape, n) - shape).max())
+    grown = float(np.abs(reflected(found, n) - found).max())
+    return uneven <= most and (uneven <= SAME_SHAPE or grown > GROWS * uneven)
 
 
 def side_of(one: Found) -> float:

@@ -109,7 +109,7 @@ class SearchedEquilibrium(TrackedEquilibrium):
             )
             self._lose(pending.loss_cause + twist, search.several)
             self._record = replace(self._record, waiting=waiting)
-        self._grid_history, self._taut_force, self._share = None, VERY_TAUT, 1.0
+        self._grid_history, self._taut_force, self._share, self._way_back = None, VERY_TAUT, 1.0, 1.0
         self._take(found, pending.joints)
         return self._finish(Status.CONVERGED, search.sentence, found.iterations, pending.poses, begin)
 

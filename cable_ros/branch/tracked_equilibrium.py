@@ -42,7 +42,11 @@ ACCEPT_ROUGH = 0.25
 """As ACCEPT, with friction at points alone, or at one that sticks. The estimate holds in place what sticks;
 where its friction is held instead, as a judge does who is told it, the error was three to four times that."""
 ASTRAY = "Friction was followed in steps, whose estimated error of the end wrench, {:.1e}, is too large."
-MOST_OF_PATH = 0.5
+UNKNOWN = (
+    "A part of the path could not be followed: what friction holds since then may change the end wrench by "
+    "{:.1e} of it. It is known again once all that touches has slipped."
+)
+MOST_OF_PATH = 0.2
 """The largest such error of what is published, relative: mostly it is told two or three times too large."""
 COARSE = "Contact was solved on a grid, whose estimated error of the end wrench, {:.1e}, is too large."
 ON_GRID = "; contact was solved on a grid, to an estimated error of the end wrench of {:.1e}."
@@ -93,6 +97,7 @@ class TrackedEquilibrium(CableModel):
         self._snapped = 0  # times with friction on the way to a pose that has not been reached yet
         self._crawled = 0  # solves in a row that hardly got on
         self._share = 1.0  # of the longest step: what is left to try after a budget without progress
+        self._way_back = 1.0  # of the longest step: with which a taut cable tries the next pose
         self._afresh = False  # whether it has got another mesh since the last pose
         self._taut_force = VERY_TAUT  # end force, EI / L^2, from which this branch is known to be taut
         self._grid_history: GridHistory | None = None
@@ -220,7 +225,8 @@ class TrackedEquilibrium(CableModel):
             self._lose("friction was forgotten when the mesh changed")
         error = max(error, rod.path_error(self._path_force))
         if error > MOST_OF_PATH:
-            return self.failed(Status.NOT_CONVERGED, ASTRAY.format(error), time.perf_counter() - begin)
+            why = (UNKNOWN if rod.holds_unknown else ASTRAY).format(error)
+            return self.failed(Status.NOT_CONVERGED, why, time.perf_counter() - begin)
         status, message = self._verdict(status, message, error)
         return self._result(status, message, error, iterations, poses, begin)
 

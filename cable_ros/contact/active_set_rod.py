@@ -395,7 +395,8 @@ class ActiveSetRod(FrictionalRod):
         followed, found_on, self.found_on = self.followed, self.found_on, None
         self.set_conditions(qe, re, f, obstacles)
         if not self.tentative:
-            self.follow(distance, F, F_new, landing)
+            if not self.trial:  # a medium's drag is none of the cable's forces
+                self.follow(distance, F, F_new, landing)
             if distance > STILL:
                 note_slip(self.points, self.count, distance)
         self.forked = self.forked or forked

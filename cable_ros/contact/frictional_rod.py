@@ -156,18 +156,38 @@ class FrictionalRod(FixedSetRod):
             )
         elif not self.has_patch:
             self.followed = self.followed.after_slip(distance, self.unforeseen, self._possible_friction())
+        if self.followed.unknown:
+            self.followed = self.followed.known_but_for(self._possible_friction(held=True))
 
-    def _possible_friction(self) -> float:
-        """Sum of the friction that its contacts can bear, EI / L^2.
+    def follow_fall(self, before: np.ndarray, after: np.ndarray) -> None:
+        """Add a fall from one end force to another, (3,), to the `PathError`."""
+        if self.model != COULOMB or not self.frictional:
+            self.followed = NONE
+        else:
+            self.followed = self.followed.after_fall(before, after, self._possible_friction())
+
+    @property
+    def holds_unknown(self) -> bool:
+        return self.followed.unknown > self.followed.error
+
+    def follow_nothing(self) -> None:
+        """Add a part of the path that could not be followed to the `PathError`."""
+        if self.model == COULOMB and self.frictional:
+            self.followed = self.followed.not_followed(self._possible_friction())
+
+    def _possible_friction(self, held: bool = False) -> float:
+        """Sum of the friction that its contacts can bear, EI / L^2; `held`: those that stick.
 
         Those at a clamp are left out: they may press as hard as they like, and hold what it holds anyway.
         """
         points = self.points[: self.count]
+        if held:
+            points = points[points[:, SLIPS] == 0.0]
         away = np.minimum(points[:, ARC_LENGTH], 1.0 - points[:, ARC_LENGTH]) > RESTING
-        return float((self._coefficients() * away) @ np.maximum(points[:, FORCE], 0.0))
+        return float((self._coefficients(points) * away) @ np.maximum(points[:, FORCE], 0.0))
 
     def path_error(self, F: np.ndarray) -> float:
-        error = self.followed.error
+        error = self.followed.of_force
         return error / max(float(np.linalg.norm(F)), self.least, 1e-3) if error else 0.0
 
     def _set_bedding(self, distance: float, F: np.ndarray) -> None:

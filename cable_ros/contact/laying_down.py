@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_ros.contact.points import ARC_LENGTH, KIND, LENGTH, POINT, SAMPLE, WAS
+from cable_ros.contact.points import ARC_LENGTH, FIRST, KIND, LAST, LENGTH, POINT, SAMPLE, WAS
 
 LANDS, MOST = 0.05, 0.1
 """Part of a free span that the next step may lay down, and maximum part that a step may. The error is of
@@ -50,7 +50,8 @@ class Landing:
             return None
         friction = float(np.median(possible[samples] / after[samples, LENGTH]))
         known = (after[:, KIND] != POINT) | (after[:, WAS] > 0.0)
-        return cls(_spans(before), _spans(after[known]), friction)
+        free = _spans(before)
+        return cls(free, _spans(after[known], free), friction)
 
     @property
     def open(self) -> float:
@@ -74,10 +75,31 @@ class Landing:
         return float(again), float(onward)
 
 
-def _spans(points: np.ndarray) -> np.ndarray:
-    """(2,) length from each clamp to the nearest contact, L; a patch that ends with a sample reaches it."""
-    first, last = (points[find(points[:, ARC_LENGTH])] for find in (np.argmin, np.argmax))
-    spans = first[ARC_LENGTH], 1.0 - last[ARC_LENGTH]
-    return np.array(
-        [0.0 if end[KIND] == SAMPLE else span for end, span in zip((first, last), spans, strict=True)]
-    )
+def _spans(points: np.ndarray, free_before: np.ndarray | None = None) -> np.ndarray:
+    """(2,) length from each clamp to the nearest contact, L; a patch that ends with a sample reaches it.
+
+    Where the cable was free beside a clamp, `free_before` (2,), and such a patch has come up, the span goes
+    on beyond it, to the next contact.
+    """
+    s, kind = points[:, ARC_LENGTH], points[:, KIND]
+    first, last = s.argmin(), s.argmax()
+    spans = np.array([s[first], 1.0 - s[last]])
+    reaches = np.array([kind[first] == SAMPLE, kind[last] == SAMPLE])
+    spans[reaches] = 0.0
+    if free_before is not None:
+        for side in np.flatnonzero(reaches & (free_before > 0.0)):
+            spans[side] = _gap(s if side == 0 else 1.0 - s, kind, LAST if side == 0 else FIRST)
+    return spans
+
+
+def _gap(s: np.ndarray, kind: np.ndarray, end: float) -> float:
+    """Length, L, between a patch that reaches a clamp and the next contact; 0 if there is none.
+
+    Args:
+        s: (k,) lengths of the contact points from that clamp.
+        kind: (k,) their kinds.
+        end: the kind of an end of a patch that is far from the clamp.
+    """
+    reach = s[kind == end].min(initial=np.inf)
+    beyond = s[(s > reach) & (kind != SAMPLE)].min(initial=np.inf)
+    return float(beyond - reach) if np.isfinite(beyond) else 0.0

@@ -9,7 +9,7 @@ step before, at points of what slip turns otherwise than in the step before.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,9 @@ TURN_PART = 0.06
 """Of the friction by which slip at points turned otherwise than foreseen. In 2,020 poses of 300 rough scenes
 the error is above what is told, by more than 0.1 %, at 12; where it is above 0.1 %, 2.5 times it is told
 (median)."""
+FALL_PART = 0.01
+"""Of the change of the end force in a fall. Told in other steps two drawn lifts ended by 1.0 and 1.4 % of it
+away, others by less. The force against the drag of its first step, which once counted, was 20 times that."""
 FADES = 5.0
 """1 / L: by how much it fades over the motion, as fast as on a grid of contacts."""
 LARGEST = 2.0
@@ -39,11 +42,26 @@ class PathError:
     """(3,) change of the end force in the last step over its length, EI / L^3."""
     possible: float = 0.0
     """Sum of the friction that the contacts could bear after the last step, EI / L^2."""
+    unknown: float = 0.0
+    """Friction that may be any, EI / L^2: of what sticks since a part of the path that was not followed."""
+
+    @property
+    def of_force(self) -> float:
+        """Error of the end force, EI / L^2, by all of it."""
+        return self.error + self.unknown
 
     def in_units(self, scale: float) -> PathError:
         """In units of the force that are `scale` times as large."""
         rate = None if self.rate is None else self.rate / scale
-        return PathError(self.error / scale, rate, self.possible / scale)
+        return PathError(self.error / scale, rate, self.possible / scale, self.unknown / scale)
+
+    def not_followed(self, possible: float) -> PathError:
+        """After a part of the path that was not followed; `possible` as in `after_step`."""
+        return PathError(self.error, None, possible, possible)
+
+    def known_but_for(self, held: float) -> PathError:
+        """Where what sticks can bear the friction `held`, EI / L^2: what slips knows its direction anew."""
+        return self if self.unknown <= held else replace(self, unknown=held)
 
     def _eased(self, possible: float) -> float:
         """Part of the error that is left where the contacts can bear so much friction, EI / L^2."""
@@ -60,6 +78,16 @@ class PathError:
             return self
         eased = self._eased(possible)
         error = eased * self.error * math.exp(-FADES * distance) + TURN_PART * unforeseen
+        return PathError(min(error, LARGEST * possible), None, possible, self.unknown)
+
+    def after_fall(self, before: np.ndarray, after: np.ndarray, possible: float) -> PathError:
+        """After a fall, from the end force `before` to `after`, (3,), EI / L^2; `possible` as there.
+
+        The forces on its way are those of a medium, which foretell nothing. How far it falls depends on the
+        friction that is unknown where it begins, too.
+        """
+        change = float(np.linalg.norm(after - before))
+        error = self._eased(possible) * self.of_force + FALL_PART * change
         return PathError(min(error, LARGEST * possible), None, possible)
 
     def after_step(
@@ -83,7 +111,7 @@ class PathError:
         # what turns back differs from the last rate by twice its change, what comes to rest by more
         size = min(float(np.linalg.norm(bend)), 2.0 * float(np.linalg.norm(after - eased * before)))
         error = eased * (self.error * math.exp(-FADES * distance) + PART * size) + landed
-        return PathError(min(error, LARGEST * possible), change / distance, possible)
+        return PathError(min(error, LARGEST * possible), change / distance, possible, self.unknown)
 
 
 NONE = PathError()

@@ -146,7 +146,10 @@ class TouchingRod(ActiveSetRod):
         rests = fall.go(self, self.passed_in_contact)
         if rests is not None or fall.over:
             self.falling = None
-        return None if rests is None else (*rests, fall.iterations)
+        if rests is None:
+            return None
+        self.follow_fall(fall.pulled, rests[1])
+        return *rests, fall.iterations
 
     def _from_contacts(
         self, q: np.ndarray, F: np.ndarray, tolerance: float

@@ -78,6 +78,8 @@ class Flow:
 
     def __init__(self, rod: ActiveSetRod, q: np.ndarray, F: np.ndarray, ends: Ends) -> None:
         self.ends = ends
+        self.pulled = F
+        """End force (3,) where it began."""
         self.iterations = 0
         self.rest = 1.0
         """Where `ends` is on the path that is left, a fraction of it."""

@@ -181,6 +181,14 @@ class WithoutContact:
         """Estimated relative error of the end force F (3,) of a path followed in steps; see `PathError`."""
         return 0.0
 
+    @property
+    def holds_unknown(self) -> bool:
+        """Whether that is most of all of what friction holds since a part of the path was not followed."""
+        return False
+
+    def follow_nothing(self) -> None:
+        """Note that a part of the path could not be followed; see `FrictionalRod`."""
+
     def contact_changed(self) -> bool:
         """Whether `friction_error` should be asked again; see `FixedSetRod`."""
         return False

@@ -17,6 +17,7 @@ from cable_ros.contact import active_set_rod, frictional_rod, nodal_rod, nodal_s
 from cable_ros.contact.laying_down import FLAT, LANDS, SHORTEST_SPAN, Landing
 from cable_ros.contact.nodal_kernels import COMPLIANCE
 from cable_ros.contact.nodal_rod import NodalRod
+from cable_ros.contact.points import ARC_LENGTH, COLUMNS, FIRST, KIND, LAST, LENGTH, SAMPLE
 from cable_ros.equilibrium import Equilibrium
 
 CASE = drawn_case(128, 51, 1e-4)
@@ -169,3 +170,32 @@ def test_all_of_a_span_comes_down_at_once_only_if_it_is_short() -> None:
         landing = Landing(np.array([0.0, span]), np.zeros(2), friction=15.0)
         assert (landing.strides(25.0)[0] == np.inf) == once
         assert landing.open == pytest.approx(15.0 * span)
+
+
+def test_what_comes_down_beside_a_clamp_with_a_gap_is_no_more_than_its_length() -> None:
+    """A cable that lies up to 0.9 L, and whose end comes down flat.
+
+    Told as all of its free tenth, steps of 1e-7 L were refused, and left a fifth of the end force open
+    (drawn 182, 101).
+    """
+
+    def lies(*patches: tuple[float, float]) -> np.ndarray:
+        out = []
+        for first, last in patches:
+            samples = np.linspace(first, last, 12)[1:-1]
+            for s in (first, *samples, last):
+                kind = FIRST if s == first else LAST if s == last else SAMPLE
+                if s < 1.0:  # a patch that reaches the clamp has no end there
+                    row = np.zeros(COLUMNS)
+                    row[[ARC_LENGTH, KIND, LENGTH]] = s, kind, (last - first) / 10.0
+                    out.append(row)
+        return np.array(out)
+
+    before, after = lies((0.2, 0.9)), lies((0.2, 0.89), (0.98, 1.0))
+    landing = Landing.of(before, after, np.ones(len(after)))
+    assert landing is not None
+    assert landing.before[1] == pytest.approx(0.1)
+    assert landing.after[1] == pytest.approx(0.09)
+    closed = Landing.of(after, lies((0.2, 1.0)), np.ones(11))
+    assert closed is not None
+    assert closed.open == 0.0

@@ -13,7 +13,7 @@ from references.hose_paths import known
 from cable_ros import Tracker, load_scene
 from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.bench.metamorphic import follow
-from cable_ros.contact.path_error import FADES, LARGEST, NONE, PART, PathError
+from cable_ros.contact.path_error import FADES, FALL_PART, LARGEST, NONE, PART, PathError
 
 RATE = np.array([3.0, -1.0, 2.0])
 NOTHING = np.zeros(3)
@@ -40,6 +40,26 @@ def test_it_is_of_first_order_in_the_steps() -> None:
     found = [along(lambda s: s * s * RATE, n, 0.1).error for n in (40, 80, 160, 320)]
     orders = np.log2(np.array(found[:-1]) / found[1:])
     assert orders[-1] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_fall_counts_by_what_it_changed_and_foretells_nothing() -> None:
+    one = NONE.after_step(0.01, NOTHING, RATE, POSSIBLE)
+    fallen = one.after_fall(RATE, 3.0 * RATE, POSSIBLE)
+    assert fallen.error - one.error == pytest.approx(FALL_PART * 2.0 * np.linalg.norm(RATE))
+    assert fallen.rate is None
+
+
+def test_of_a_part_that_was_not_followed_what_sticks_remembers_anything() -> None:
+    one = NONE.not_followed(POSSIBLE)
+    assert one.of_force == POSSIBLE
+    held = one.after_step(0.01, RATE, RATE, POSSIBLE).known_but_for(0.3 * POSSIBLE)
+    assert held.unknown == 0.3 * POSSIBLE
+    assert held.known_but_for(POSSIBLE) == held
+    assert held.known_but_for(0.0).of_force == held.error
+    # how far it falls depends on that, and what slips then does not tell
+    fallen = held.after_fall(RATE, RATE, POSSIBLE)
+    assert fallen.error == held.of_force
+    assert fallen.unknown == 0.0
 
 
 def test_what_moves_by_rounding_stands_still() -> None:

@@ -35,6 +35,9 @@ GOOD = 0.03
 """Largest relative difference of the end forces of both runs in a path that is kept."""
 TAUT = 4.0
 """Largest end force of a path that is kept, in weights of the hose."""
+CUT = {"lengthwise_15": 11}
+"""How many poses of a path are kept, of one that leads to a fold beyond them. At the 12th pose the force
+across its plane is 0.525, 0.549 and 0.575 N with 100, 200 and 250 segments, and with 300 the rod jumps."""
 KINDS = ("sideways", "lengthwise", "turned", "lifted", "round", "back", "mixed")
 
 
@@ -169,8 +172,9 @@ def random_hose(seed: int) -> Hose:
     at = np.linspace(0.0, lengths[-1], count)
     offsets = np.stack([np.interp(at, lengths, ways[:, i]) for i in range(4)], axis=1)
     values = (home + offsets) * [length, length, length, 1.0]
+    name = f"{kind}_{seed}"
     return Hose(
-        f"{kind}_{seed}",
+        name,
         length,
         (bending, bending, rounded(bending * rng.uniform(0.6, 1.0), 4)),
         density,
@@ -180,7 +184,7 @@ def random_hose(seed: int) -> Hose:
         str(rng.choice(list(AXES))),
         bent,
         rounded(rng.choice([-0.3, 0.3]) * density * GRAVITY, 3),
-        tuple(tuple(rounded(x) for x in row) for row in values),  # type: ignore[misc]
+        tuple(tuple(rounded(x) for x in row) for row in values[: CUT.get(name)]),  # type: ignore[misc]
     )
 
 
