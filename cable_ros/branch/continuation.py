@@ -50,6 +50,11 @@ BACK = 0.25
 """Length of the first step after a continuation has gone back, over how far that was."""
 LEAST = 1e-9
 """Fraction of the longest step below which a step is rounding error."""
+FULL = 0.9
+"""Part of the longest step that those of a path which takes several are at most."""
+LITTLE = 1e-3
+"""Part of a step by which it may be longer: on a path of round numbers steps end with its poses, and rounding
+would decide whether there is another one."""
 OVERHEAD = 250
 """Cost of a step beside its iterations, in iterations times unknowns: kinematics and calls."""
 NEAR = 30.0
@@ -196,12 +201,12 @@ def continue_branch(
         if rod.work <= 0.0:
             rod.refactor(q, F)
             return ended(End.TAUT if taut else End.UNFINISHED)
-        target = min(1.0, at + step)
+        target = at + step if at + (1.0 + LITTLE) * step < 1.0 else 1.0  # rounding adds no step
         conditions, left = path(target), rod.work
         far = _travel(rod, conditions)
         at_once = min(farthest, rod.longest_step, rod.next_step)
-        if far > at_once:
-            step = (target - at) * max(0.9 * at_once / far, 0.1)
+        if far > (1.0 + 2.0 * LITTLE) * at_once:
+            step = max(_even_step(far / (target - at) / at_once, 1.0 - at), 0.1 * (target - at))
             continue
         rod.short = step <= SHORT * longest
         put_back = rod.kept() if was_taut and (slackens or first >= AS_GOOD_AS_TAUT) else None
@@ -223,7 +228,8 @@ def continue_branch(
             fork, rod.forked = (at if rod.forked else fork), False
             forces, taut = [forces[-1], (at, _norm(F))], False
             in_a_row, failed = in_a_row + 1, 0
-            grows = count <= rod.few or in_a_row >= IN_A_ROW
+            # whether there is one more iteration is rounding, and friction depends on the steps
+            grows = (rod.frictional and not rod.on_grid) or count <= rod.few or in_a_row >= IN_A_ROW
             step = min(step * min(rod.stride, 2.0 if grows else 1.0), longest)
             in_a_row = 0 if grows else in_a_row
             if rod.frictional and forces[1][1] > max(forces[0][1], AS_GOOD_AS_TAUT):
@@ -364,6 +370,14 @@ def continue_branch(
         snaps.append(snap)
         iterations, rod, q, F = iterations + found.iterations, found.rod, found.q, found.F
     return ended(End.ARRIVED)
+
+
+def _even_step(rate: float, left: float) -> float:
+    """A step with which a path is done in even ones: fraction of the path, of which so much is `left`.
+
+    `rate`: longest steps along all of the path.
+    """
+    return left / max(np.ceil(rate * left / FULL - LITTLE), 1.0)
 
 
 def _taut_at(forces: list[tuple[float, float]]) -> float:

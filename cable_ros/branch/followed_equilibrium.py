@@ -14,7 +14,7 @@ import numpy as np
 from cable_ros.branch.branch_record import Loss
 from cable_ros.branch.cable_model import CLAMP_DEPTH
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
-from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, End, continue_branch
+from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, LITTLE, End, continue_branch
 from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.branch.refinement import MOST_ELEMENTS, afresh, better_mesh, on_mesh, refine, without_slivers
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
@@ -116,7 +116,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         qe, re, f, obstacles, far, room = self._destination(kinematics, joints, poses, rod)
         if room < -CLAMP_DEPTH and (inside := self._clamp_inside(obstacles, re)):
             return self.failed(Status.OUT_OF_REACH, inside, time.perf_counter() - begin)
-        if far > min(rod.longest_step, rod.next_step):
+        if far > (1.0 + LITTLE) * min(rod.longest_step, rod.next_step):
             return self._continue_to(kinematics, index, joints, poses, begin)
         before, shape = conditions_of(rod) if self._remembers else None, (rod.mesh, self._q)
         put_back = rod.kept() if rod.frictional and not rod.on_grid else None

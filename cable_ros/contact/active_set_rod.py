@@ -54,6 +54,8 @@ slip have changed in many places."""
 FORESEEN, LEVER, LEAST_LEAP = 5.0, 30.0, 0.05
 """Maximum rotation of a section in a step with friction: multiple of that in the tangent step, rad per motion
 of clamps and obstacles, L, and an addend, rad. In a larger one the iteration may have gone elsewhere."""
+FEWER = 0.3
+"""Part of the latter two where a contact ends: where it lets go there may be no equilibrium nearby."""
 LEAST_SOFT = 1e-6
 """Least presliding, L, from which what sticks is made firmer where nothing moves."""
 SHORT = 1e-3
@@ -345,7 +347,8 @@ class ActiveSetRod(FrictionalRod):
         rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
         if code == warm_step.ADVANCED and self.model == COULOMB:
             self.stride = self._friction_stride(F, q_new, F_new, obstacles, kept[0], distance)
-            farthest = FORESEEN * foreseen + LEVER * distance + LEAST_LEAP
+            addend = LEVER * distance + LEAST_LEAP
+            farthest = FORESEEN * foreseen + (FEWER if self.count < kept[1] else 1.0) * addend
             leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
             if iterations > EASY and self._turns_back():
                 self.stride = min(self.stride, TURN_BACK)

@@ -118,13 +118,12 @@ class WithoutContact:
 
         `code` and `iterations` are those that `advance` returned.
         """
-        growth = 2.0 if iterations <= EASY or self.on_grid else 1.0
         if not (self.lies or self.on_grid) or self.creeps:
             self.next_step = np.inf
         elif code == ADVANCED and self.stride >= 2.0:
-            self.next_step = max(self.next_step, growth * far)
+            self.next_step = max(self.next_step, 2.0 * far)
         elif code == ADVANCED or self.stride < 1.0:
-            self.next_step = max(min(self.stride, growth) * far, SHORTEST_STEP)
+            self.next_step = max(min(self.stride, 2.0) * far, SHORTEST_STEP)
         else:
             self.next_step = min(self.next_step, max(0.5 * far, SHORTEST_STEP))
 
