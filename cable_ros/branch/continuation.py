@@ -69,7 +69,7 @@ tried whether the cable falls, and whether one that lies does: else a grid takes
 there, elsewhere by the last digit of the joints."""
 EDGE = 3.0
 """Maximum distance to an edge that a step may cross, in motions of clamps and obstacles."""
-VERY_TAUT = 2e4
+VERY_TAUT = 1e4
 """`TAUT` of a cable whose end the extrapolation tells to 1 % of its slack."""
 AS_GOOD_AS_TAUT = 1e6
 """End force, EI / L^2, at which a cable that gets tauter is not followed any farther: with friction at all,
@@ -260,8 +260,6 @@ def continue_branch(
             shortest = FALLBACK * longest
             if taut and (step < shortest or (at > 0.0 and force > VERY_TAUT)):
                 return ended(End.TAUT)
-            if step < shortest and rod.frictional and force > VERY_TAUT:
-                return ended(End.TAUT)  # it may give way before, but a grid would not tell when
             if step >= shortest:
                 step *= min(rod.stride, 0.5)
                 continue
@@ -315,6 +313,8 @@ def continue_branch(
                 continue
             if rod.falling is not None:
                 return ended(End.UNFINISHED)
+        if gives_way and rod.frictional and not rod.on_grid and force > VERY_TAUT:
+            return ended(End.TAUT)  # it may give way before, but a grid would not tell when
         if fallback is not None and gives_way:
             replacement, fallback = fallback(rod, q, F), None
             if replacement is not None:

@@ -38,7 +38,7 @@ from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
-from cable_ros.rod.without_contact import EASY, SAME
+from cable_ros.rod.without_contact import SAME
 
 FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR, REVERSES
 """How a step ends that may be solved in another way."""
@@ -73,9 +73,9 @@ MANY, SOME = 8, 5
 """Number of iterations in which rounding may lead out of a plane, and friction to a side."""
 UNEVEN = 1e-3
 """Difference of the elements' lengths from those counted from the other end, L, that leads to a side, too."""
-TURN_BACK = 0.5
-"""Factor of a step that was hard to solve, and in which friction turns back at a point: it may have stuck,
-and then the cable goes elsewhere."""
+EASY, TURN_BACK = 12, 0.5
+"""Maximum number of iterations of a step that was not hard to solve, and the factor of one that was and in
+which friction turns back at a point: it may have stuck, and then the cable goes elsewhere."""
 TURN, LEAST_TURN = 0.25, 1 / 128
 """First and least part of mobilised friction that turns back at once."""
 EULER, LOADED = 4.0 * np.pi**2, 0.5

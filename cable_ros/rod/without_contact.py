@@ -15,9 +15,6 @@ NOTHING = np.zeros(3)
 
 SHORTEST_STEP = 2e-4
 """Length of a step, L, that may change friction at once, as when everything that sticks begins to slip."""
-EASY = 12
-"""Maximum number of iterations of a step, but on a grid, after which a longer one is tried."""
-
 SAME = 1.0, 0.0
 """See `WithoutContact.then`; of a cable that does not slide through what holds its ends."""
 
