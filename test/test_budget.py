@@ -184,7 +184,7 @@ def test_a_cable_that_gets_taut_takes_little_more_than_its_budget() -> None:
         tracker.arrive(joints)
         rod = tracker._tracked_cables[0].rod
         assert isinstance(rod, TouchingRod)
-        assert rod.work > -2.0 * LEAST_WORK
+        assert rod.work > -2.2 * LEAST_WORK  # and the iterations in which that ended
 
 
 def test_a_step_that_uses_up_the_budget_does_not_lose_the_branch(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -65,8 +66,8 @@ FREE_SNAPS = 2
 """Number of snap-throughs outside the budget: even a small step may meet a fold, and end just before it."""
 FALLS, FALL, FALL_LYING = 3, 1e-3, 5e-3
 """Maximum number of falls with friction in a call, and the length of the failed step, L, below which it is
-tried whether the cable falls, and whether one that lies does: else a grid takes over, which itself falls
-there, elsewhere by the last digit of the joints."""
+tried whether the cable falls, and whether one that lies does. Else a grid takes over, and falls itself, by
+the last digit of the joints to another place."""
 EDGE = 3.0
 """Maximum distance to an edge that a step may cross, in motions of clamps and obstacles."""
 VERY_TAUT = 1e4
@@ -210,13 +211,14 @@ def continue_branch(
             continue
         rod.short = step <= SHORT * longest
         put_back = rod.kept() if was_taut and (slackens or first >= AS_GOOD_AS_TAUT) else None
+        each = rod.iteration_work  # a step that fails may leave more rows behind
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
         rod.note_step(code, count, far)
         iterations += count
         # a rod in contact counts its work itself
-        rod.work = min(rod.work, left - count * rod.iteration_work) - OVERHEAD
+        rod.work = min(rod.work, left - count * each) - OVERHEAD
         if rod.frictional and code in (warm_step.ADVANCED, warm_step.TOO_FAR):
             allowed = min((target - at) * rod.stride, longest)
         if code == warm_step.ADVANCED and put_back is not None and _norm(F_new) > most_force:
@@ -298,6 +300,8 @@ def continue_branch(
             rod.refactor_at, sound = 0.0, None  # from here on each step is judged
             forces, failed = [(at, _norm(F))], 0
             continue
+        if gives_way and rod.frictional and not rod.on_grid and force > VERY_TAUT:
+            return ended(End.TAUT)  # it may give way before, but neither a fall nor a grid would tell when
         if rod.on_grid:
             may_fall = far < FALL and code != warm_step.TOO_FAR
         else:
@@ -313,8 +317,6 @@ def continue_branch(
                 continue
             if rod.falling is not None:
                 return ended(End.UNFINISHED)
-        if gives_way and rod.frictional and not rod.on_grid and force > VERY_TAUT:
-            return ended(End.TAUT)  # it may give way before, but a grid would not tell when
         if fallback is not None and gives_way:
             replacement, fallback = fallback(rod, q, F), None
             if replacement is not None:
@@ -377,7 +379,7 @@ def _even_step(rate: float, left: float) -> float:
 
     `rate`: longest steps along all of the path.
     """
-    return left / max(np.ceil(rate * left / FULL - LITTLE), 1.0)
+    return left / max(math.ceil(rate * left / FULL - LITTLE), 1)
 
 
 def _taut_at(forces: list[tuple[float, float]]) -> float:
