@@ -215,7 +215,7 @@ def continue_branch(
         code, count, q_new, F_new = rod.advance(
             q, F, conditions.qe, conditions.re, conditions.f, tolerance, 0.35, conditions.obstacles
         )
-        rod.note_step(code, count, far)
+        rod.note_step(code, far)
         iterations += count
         # a rod in contact counts its work itself
         rod.work = min(rod.work, left - count * each) - OVERHEAD

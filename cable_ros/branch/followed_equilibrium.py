@@ -123,7 +123,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         code, iterations, q, F = rod.advance(
             self._q, self._F, qe, re, f, ALGEBRAIC * self.tolerance, 0.6, obstacles
         )
-        rod.note_step(code, iterations, far)
+        rod.note_step(code, far)
         hard = code == warm_step.ADVANCED and iterations > SMOOTH
         if hard and put_back is not None and rod.stability_margin() < -FREE_TO_TURN:
             # stability is not judged in each step with friction: this one has led past a fold

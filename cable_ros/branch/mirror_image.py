@@ -81,10 +81,11 @@ def by_rule(found: Found, shape: np.ndarray, uneven: float = OUT) -> tuple[Found
     if rod.frictional or (isinstance(rod, NodalRod) and rod.state.tau.any()):
         return found, False
     n = plane_of_symmetry(Sought(rod.K, rod.natural, Conditions(rod.qe, rod.re, rod.f), None, SYMMETRIC))
-    if n is not None and _leaves(shape, rod.mesh.interpolate(found.q, GRID), n, NEARLY * uneven):
+    now = rod.mesh.interpolate(found.q, GRID)
+    if n is not None and _leaves(shape, now, n, NEARLY * uneven):
         image = _image(found, n)
     else:
-        lost = lost_symmetry(shape, rod.mesh.interpolate(found.q, GRID), rod.re, uneven)
+        lost = lost_symmetry(shape, now, rod.re, uneven)
         image = None if lost is None else end_for_end(found, lost)
     if image is None:
         return found, False

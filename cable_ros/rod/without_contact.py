@@ -110,17 +110,17 @@ class WithoutContact:
         """Whether slip creeps along it where it lies: it stretches."""
         return self.soft
 
-    def note_step(self, code: int, iterations: int, far: float) -> None:
+    def note_step(self, code: int, far: float) -> None:
         """Remember how a step of `far`, L, ended: the next pose need not fail in longer ones again.
 
-        `code` and `iterations` are those that `advance` returned.
+        `code` is that which `advance` returned.
         """
         if not (self.lies or self.on_grid) or self.creeps:
             self.next_step = np.inf
         elif code == ADVANCED and self.stride >= 2.0:
             self.next_step = max(self.next_step, 2.0 * far)
         elif code == ADVANCED or self.stride < 1.0:
-            self.next_step = max(min(self.stride, 2.0) * far, SHORTEST_STEP)
+            self.next_step = max(self.stride * far, SHORTEST_STEP)
         else:
             self.next_step = min(self.next_step, max(0.5 * far, SHORTEST_STEP))
 
