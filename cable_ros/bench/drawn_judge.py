@@ -53,7 +53,7 @@ SAME = 0.01
 SMALL = 0.05
 """Wrenches below this part of the path's largest are compared by that."""
 PARTS = 16
-"""A step with which something is wrong is solved again in so many parts."""
+"""A step with which something is wrong is solved again in so many parts, and in the square of that."""
 LOOKED_AT = 24
 """Of longer paths so many poses are verified, evenly spread, and every one whose status is new."""
 STILL = 1e-4
@@ -293,36 +293,47 @@ def _step_faults(
 
     Nothing is if there is nothing wrong in the step's parts, in all of which no more may move than in one
     step, they end in the same wrench, and what sticks does so there: it had slid before, as what slides had
-    turned back.
+    turned back. At a corner of the path slip turns back within however short a part: that may be one of them.
     """
     faults = [friction_faults(scene, kinematics, *ends) for ends in pairwise(zip(answers, path, strict=True))]
-    if not any(faults):
-        return [None] * len(faults)
-    way, ends = [path[0]], [0]
-    for step, found in zip(pairwise(path), faults, strict=True):
-        way.extend(refined(step, PARTS if found else 1)[1:])
-        ends.append(len(way) - 1)
-    solved = list(zip(_solve(case, scene, way)[0], way, strict=True))
+    out = [found[0][1] if found else "" for found in faults]
+    for parts in (PARTS, PARTS**2):
+        divided = [parts if one else 1 for one in out]
+        if max(divided) == 1:
+            break
+        way = [path[0]]
+        for step, n in zip(pairwise(path), divided, strict=True):
+            way.extend(refined(step, n)[1:])
+        solved = list(zip(_solve(case, scene, way)[0], way, strict=True))
+        ends = np.cumsum([0, *divided])
+        for i, found in enumerate(faults):
+            if out[i]:
+                part = solved[ends[i] : ends[i + 1] + 1]
+                out[i] = _left_in_parts(scene, kinematics, found, answers[i + 1], part)
+    return [one or None for one in out]
+
+
+def _left_in_parts(
+    scene: Scene, kinematics: Kinematics, faults: Sequence[tuple[Contact, str]], answer: Equilibrium,
+    solved: Sequence[tuple[Equilibrium, Pose]],
+) -> str:  # fmt: skip
+    """Which of the `faults` of a step to the `answer` is left as it was `solved` in parts, too; or ""."""
     (cable,) = scene.cables
-    out: list[str | None] = []
-    for i, found in enumerate(faults):
-        part = solved[ends[i] : ends[i + 1] + 1]
-        answer, there = answers[i + 1], part[-1][0]
-        same = found and all(one.status.trusted for one, _ in part)
-        if same:
-            rod = rods(scene, kinematics, path[i + 1])[cable.name]
-            same = relative_difference(answer.end_wrench, there.end_wrench, rod) <= SAME
-            same &= not any(
-                friction_faults(scene, kinematics, *step, still=STILL / PARTS) for step in pairwise(part)
-            )
-        sticking = [one for one in there.contacts if not one.sliding]
-        left = (
-            fault
-            for contact, fault in found
-            if not (same and (contact.sliding or _near(contact, sticking, cable.length)))
-        )
-        out.append(next(left, None))
-    return out
+    there, joints = solved[-1]
+    same = all(one.status.trusted for one, _ in solved)
+    if same:
+        rod = rods(scene, kinematics, joints)[cable.name]
+        same = relative_difference(answer.end_wrench, there.end_wrench, rod) <= SAME
+        still = STILL / (len(solved) - 1)
+        faulty = [one for one in pairwise(solved) if friction_faults(scene, kinematics, *one, still)]
+        same &= len(faulty) <= 1 and not any(friction_faults(scene, kinematics, *one) for one in faulty)
+    sticking = [one for one in there.contacts if not one.sliding]
+    left = (
+        fault
+        for contact, fault in faults
+        if not (same and (contact.sliding or _near(contact, sticking, cable.length)))
+    )
+    return next(left, "")
 
 
 def _near(contact: Contact, others: Sequence[Contact], length: float) -> list[Contact]:

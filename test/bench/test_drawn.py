@@ -116,13 +116,13 @@ def test_friction_that_cannot_have_come_of_the_step_is_found() -> None:
 
 
 @pytest.mark.parametrize("sticks", [False, True])
-@pytest.mark.parametrize("amiss", ["", "parts", "stick", "wrench", "lost"])
+@pytest.mark.parametrize("amiss", ["", "parts", "corner", "stick", "wrench", "lost"])
 def test_a_step_is_cleared_by_its_parts_if_they_end_in_the_same(
     amiss: str, sticks: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of two steps at fault there is something `amiss` with the second's parts."""
     case = drawn("hose", friction=True)
-    scene, parts = case_scene(case), drawn_judge.PARTS
+    scene = case_scene(case)
     tracker, kinematics = Tracker(scene, polyline_points=401), Kinematics(scene)
     found = answered(tracker, case.path[0])[0]["cable"]
 
@@ -131,28 +131,29 @@ def test_a_step_is_cleared_by_its_parts_if_they_end_in_the_same(
         return replace(found, _touching=lambda: SimpleNamespace(contacts=lambda: contacts), **said)
 
     told = answer(not sticks)
-    solved = [told] * (2 * parts + 1)
-    if amiss == "stick":
-        solved[-1] = answer(sticks)
-    elif amiss == "wrench":
-        solved[-1] = answer(not sticks, end_wrench=1.02 * found.end_wrench)
-    elif amiss == "lost":
-        solved[-2] = answer(not sticks, status=Status.BRANCH_LOST)
 
     def faults(scene: Any, kinematics: Any, before: Any, after: Any, still: float = 1.0) -> list[Any]:
-        """In both steps of the path, and perhaps in the last part of the second."""
+        """In both steps of the path, and perhaps in the second's last part; only a little at a corner."""
         last = bool(way) and after[1] is way[-1]
-        return [(told.contacts[0], "amiss")] if still == 1.0 or (last and amiss == "parts") else []
+        there = (amiss == "parts" or (amiss == "corner" and still < 1.0)) if last else not way
+        return [(told.contacts[0], "amiss")] if there else []
 
     def solve(case: Any, scene: Any, path: Any) -> tuple[list[Equilibrium], list[float]]:
-        way.extend(path)
+        way[:] = path
+        solved = [told] * len(path)
+        if amiss == "stick":
+            solved[-1] = answer(sticks)
+        elif amiss == "wrench":
+            solved[-1] = answer(not sticks, end_wrench=1.02 * found.end_wrench)
+        elif amiss == "lost":
+            solved[-2] = answer(not sticks, status=Status.BRANCH_LOST)
         return solved, []
 
     way: list[Any] = []
     monkeypatch.setattr(drawn_judge, "friction_faults", faults)
     monkeypatch.setattr(drawn_judge, "_solve", solve)
     steps = drawn_judge._step_faults(case, scene, kinematics, [told] * 3, case.path[:3])
-    cleared = not amiss or (amiss == "stick" and not sticks)
+    cleared = amiss in ("", "corner") or (amiss == "stick" and not sticks)
     assert steps == [None, None if cleared else "amiss"]
 
 
