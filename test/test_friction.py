@@ -323,15 +323,24 @@ def over_moving_beams() -> Tracker:
 
 
 @pytest.mark.parametrize(("joint", "step"), [("across", 0.005), ("along", 0.001), ("turn", 0.005)])
-def test_a_step_over_obstacles_that_move_takes_few_iterations(joint, step):
+def test_a_step_over_obstacles_that_move_takes_few_iterations(joint, step, monkeypatch):
     """A tangent step that leaves out the motion of what it slips over took a thousand."""
+    steps, advance = [], TouchingRod.advance
+
+    def counted(rod, *arguments):
+        steps.append(None)
+        return advance(rod, *arguments)
+
+    monkeypatch.setattr(TouchingRod, "advance", counted)
     tracker = over_moving_beams()
     joints = {"across": 0.0, "along": 0.0, "turn": 0.0}
     slid = 0  # poses in which it slips over both
     for k in range(16):
+        steps.clear()
         (found,) = tracker.solve({**joints, joint: k * step}).values()
         assert found.status is Status.CONVERGED, found.message
         if slid > 1:  # Newton's method: some iterations, each of which squares the error
-            assert found.iterations <= 8
+            assert found.iterations <= 8 * len(steps)
+            assert len(steps) <= 5
         slid += all(contact.sliding for contact in found.contacts)
     assert slid > 5

@@ -116,7 +116,7 @@ def test_a_call_that_ends_with_nothing_left_of_the_way_does_not_stop_the_next_on
     tracker = case.tracker(1e-4)
     tracker.arrive(case.joints(0.0))
     monkeypatch.setattr(followed_pieces, "MOST_STEPS", 1)
-    calls = [tracker.solve(case.joints(0.05))["c"].status for _ in range(10)]
+    calls = [tracker.solve(case.joints(0.05))["c"].status for _ in range(40)]
     assert {calls[0], calls[-1]} == {Status.UNFINISHED, Status.CONVERGED}
     monkeypatch.undo()
     assert tracker.solve(case.joints(0.06))["c"].status is Status.CONVERGED

@@ -36,8 +36,8 @@ PATIENCE = 6
 """Maximum number of penalty continuations in one solve: each takes as long as a cold start."""
 FREE_WORK = 60_000
 """Budget of one solve without obstacles, iterations times unknowns: about 50 ms at 0.8 us."""
-WORK = 150_000
-"""The same among obstacles, about 300 ms at 2 us; continuations that arrive take a quarter of it."""
+WORK = 200_000
+"""The same among obstacles, 200 to 400 ms at 1 to 2 us; continuations that arrive take a quarter of it."""
 SMOOTH = 5
 """Number of iterations of a step above which the branch may have forked in it."""
 LEAST_WAY_BACK = 1e-4

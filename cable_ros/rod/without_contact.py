@@ -13,8 +13,9 @@ from cable_ros.rod.warm_step import ADVANCED
 
 NOTHING = np.zeros(3)
 
-SHORTEST_STEP = 2e-4
-"""Length of a step, L, that may change friction at once, as when everything that sticks begins to slip."""
+SHORTEST_STEP = 2e-5
+"""Length of a step, L, that is always tried at the next pose. With 2e-4 one call after another began in vain
+where the end of a lift comes down in ever shorter steps, and a grid took over."""
 SAME = 1.0, 0.0
 """See `WithoutContact.then`; of a cable that does not slide through what holds its ends."""
 

@@ -66,7 +66,7 @@ def test_a_patch_that_slips_this_way_and_that(monkeypatch: pytest.MonkeyPatch) -
         eased = forces()
     without = Solves(monkeypatch, soft=False)
     cut = forces()
-    assert without.firm.count(NOT_CONTRACTING) >= 5
+    assert without.firm.count(NOT_CONTRACTING) >= 3
     assert len(with_it.soft) >= 5
     assert with_it.soft.count(ADVANCED) >= 0.8 * len(with_it.soft)  # what fails even so is cut
     # steps twice as long or half: of first order in the friction that turns within one
