@@ -13,18 +13,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-PART = 0.05
-"""Of the difference between two steps' changes of the end force. For 51 hoses on rough ground the error is
-above what is told, by more than 0.3 %, at 2 of 1,370 poses, and about that where it is above 0.3 %."""
-TURN_PART = 0.06
-"""Of the friction by which slip at points turned otherwise than foreseen. In 2,020 poses of 300 rough scenes
-the error is above what is told, by more than 0.1 %, at 12; where it is above 0.1 %, 2.5 times it is told
-(median)."""
+PART, TURN_PART = 0.03, 0.04
+"""Of the difference between two steps' changes of the end force, and of the friction by which slip at
+points turned otherwise than foreseen. Of 3,750 poses in 120 rough scenes the error is above what is told,
+by more than 0.3 %, at 2; where it is above 0.1 %, twice it is told (median)."""
 FALL_PART = 0.01
 """Of the change of the end force in a fall. Told in other steps two drawn lifts ended by 1.0 and 1.4 % of it
 away, others by less. The force against the drag of its first step, which once counted, was 20 times that."""
 FADES = 5.0
 """1 / L: by how much it fades over the motion, as fast as on a grid of contacts."""
+SLID_PART, SLID_FADES = 0.1, 100.0
+"""Of friction that was unknown, as what bears it begins to slip, from where it stuck; and how fast that
+fades, 1 / L. Drawn taut over a beam, a cable was 9.6 % off after 0.0013 L on the way back, and 6.4, 1.8
+and 0.3 % after 0.0055, 0.012 and 0.02 L; that was told as 0.1 to 1 %."""
 LARGEST = 2.0
 """Maximum error, as a multiple of the friction that the contacts can bear: all of it may be turned round."""
 
@@ -44,24 +45,33 @@ class PathError:
     """Sum of the friction that the contacts could bear after the last step, EI / L^2."""
     unknown: float = 0.0
     """Friction that may be any, EI / L^2: of what sticks since a part of the path that was not followed."""
+    slid: float = 0.0
+    """Of the end force, EI / L^2, by what has slipped since then."""
 
     @property
     def of_force(self) -> float:
         """Error of the end force, EI / L^2, by all of it."""
-        return self.error + self.unknown
+        return self.error + self.unknown + self.slid
 
     def in_units(self, scale: float) -> PathError:
         """In units of the force that are `scale` times as large."""
         rate = None if self.rate is None else self.rate / scale
-        return PathError(self.error / scale, rate, self.possible / scale, self.unknown / scale)
+        unknown, slid = self.unknown / scale, self.slid / scale
+        return PathError(self.error / scale, rate, self.possible / scale, unknown, slid)
 
     def not_followed(self, possible: float) -> PathError:
         """After a part of the path that was not followed; `possible` as in `after_step`."""
         return PathError(self.error, None, possible, possible)
 
     def known_but_for(self, held: float) -> PathError:
-        """Where what sticks can bear the friction `held`, EI / L^2: what slips knows its direction anew."""
-        return self if self.unknown <= held else replace(self, unknown=held)
+        """Where what sticks can bear the friction `held`, EI / L^2: what slips knows most of its own anew."""
+        if self.unknown <= held:
+            return self
+        return replace(self, unknown=held, slid=self.slid + SLID_PART * (self.unknown - held))
+
+    def _not_known(self, distance: float, eased: float) -> tuple[float, float]:
+        """`unknown` and `slid` after a step of `distance`, L, where so much is left of an error."""
+        return eased * self.unknown, eased * self.slid * math.exp(-SLID_FADES * distance)
 
     def _eased(self, possible: float) -> float:
         """Part of the error that is left where the contacts can bear so much friction, EI / L^2."""
@@ -78,7 +88,7 @@ class PathError:
             return self
         eased = self._eased(possible)
         error = eased * self.error * math.exp(-FADES * distance) + TURN_PART * unforeseen
-        return PathError(min(error, LARGEST * possible), None, possible, self.unknown)
+        return PathError(min(error, LARGEST * possible), None, possible, *self._not_known(distance, eased))
 
     def after_fall(self, before: np.ndarray, after: np.ndarray, possible: float) -> PathError:
         """After a fall, from the end force `before` to `after`, (3,), EI / L^2; `possible` as there.
@@ -111,7 +121,8 @@ class PathError:
         # what turns back differs from the last rate by twice its change, what comes to rest by more
         size = min(float(np.linalg.norm(bend)), 2.0 * float(np.linalg.norm(after - eased * before)))
         error = eased * (self.error * math.exp(-FADES * distance) + PART * size) + landed
-        return PathError(min(error, LARGEST * possible), change / distance, possible, self.unknown)
+        rate, not_known = change / distance, self._not_known(distance, eased)
+        return PathError(min(error, LARGEST * possible), rate, possible, *not_known)
 
 
 NONE = PathError()

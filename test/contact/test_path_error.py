@@ -13,7 +13,16 @@ from references.hose_paths import known
 from cable_ros import Tracker, load_scene
 from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.bench.metamorphic import follow
-from cable_ros.contact.path_error import FADES, FALL_PART, LARGEST, NONE, PART, PathError
+from cable_ros.contact.path_error import (
+    FADES,
+    FALL_PART,
+    LARGEST,
+    NONE,
+    PART,
+    SLID_FADES,
+    SLID_PART,
+    PathError,
+)
 
 RATE = np.array([3.0, -1.0, 2.0])
 NOTHING = np.zeros(3)
@@ -55,7 +64,11 @@ def test_of_a_part_that_was_not_followed_what_sticks_remembers_anything() -> Non
     held = one.after_step(0.01, RATE, RATE, POSSIBLE).known_but_for(0.3 * POSSIBLE)
     assert held.unknown == 0.3 * POSSIBLE
     assert held.known_but_for(POSSIBLE) == held
-    assert held.known_but_for(0.0).of_force == held.error
+    slid = held.known_but_for(0.0)
+    assert slid.unknown == 0.0
+    assert slid.of_force - held.error - held.slid == pytest.approx(SLID_PART * held.unknown)
+    later = slid.after_step(1.0 / SLID_FADES, RATE, RATE, 0.5 * POSSIBLE)
+    assert later.slid == pytest.approx(0.5 * np.exp(-1.0) * slid.slid)
     # how far it falls depends on that, and what slips then does not tell
     fallen = held.after_fall(RATE, RATE, POSSIBLE)
     assert fallen.error == held.of_force
