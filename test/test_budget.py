@@ -176,7 +176,8 @@ def test_work_is_counted() -> None:
 def test_a_cable_that_gets_taut_takes_little_more_than_its_budget() -> None:
     """On a rough ball, drawn taut beyond 1e6 EI / L^2: a finer mesh would take 700 constraint rows.
 
-    A solve may take LEAST_WORK when the budget is used up, and twice so much if it begins soft after that.
+    A solve may take LEAST_WORK when the budget is used up, and twice so much if it begins soft after that; on
+    its way to a mesh another one may have taken up to that before.
     """
     case = drawn_case(163, 29, 1e-4)
     tracker = Tracker(case_scene(case))
@@ -184,7 +185,7 @@ def test_a_cable_that_gets_taut_takes_little_more_than_its_budget() -> None:
         tracker.arrive(joints)
         rod = tracker._tracked_cables[0].rod
         assert isinstance(rod, TouchingRod)
-        assert rod.work > -2.2 * LEAST_WORK  # and the iterations in which that ended
+        assert rod.work > -3.0 * LEAST_WORK
 
 
 def test_a_step_that_uses_up_the_budget_does_not_lose_the_branch(monkeypatch: pytest.MonkeyPatch) -> None:
