@@ -296,7 +296,7 @@ def _step_faults(
     turned back. At a corner of the path slip turns back within however short a part: that may be one of them.
     """
     faults = [friction_faults(scene, kinematics, *ends) for ends in pairwise(zip(answers, path, strict=True))]
-    out = [found[0][1] if found else "" for found in faults]
+    out = [found[0][1] if found else None for found in faults]
     for parts in (PARTS, PARTS**2):
         divided = [parts if one else 1 for one in out]
         if max(divided) == 1:
@@ -310,14 +310,14 @@ def _step_faults(
             if out[i]:
                 part = solved[ends[i] : ends[i + 1] + 1]
                 out[i] = _left_in_parts(scene, kinematics, found, answers[i + 1], part)
-    return [one or None for one in out]
+    return out
 
 
 def _left_in_parts(
     scene: Scene, kinematics: Kinematics, faults: Sequence[tuple[Contact, str]], answer: Equilibrium,
     solved: Sequence[tuple[Equilibrium, Pose]],
-) -> str:  # fmt: skip
-    """Which of the `faults` of a step to the `answer` is left as it was `solved` in parts, too; or ""."""
+) -> str | None:  # fmt: skip
+    """Which of the `faults` of a step to the `answer` is left as it was `solved` in parts, too, if any."""
     (cable,) = scene.cables
     there, joints = solved[-1]
     same = all(one.status.trusted for one, _ in solved)
@@ -333,7 +333,7 @@ def _left_in_parts(
         for contact, fault in faults
         if not (same and (contact.sliding or _near(contact, sticking, cable.length)))
     )
-    return next(left, "")
+    return next(left, None)
 
 
 def _near(contact: Contact, others: Sequence[Contact], length: float) -> list[Contact]:
