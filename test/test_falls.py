@@ -193,6 +193,7 @@ def test_what_is_at_rest_stays_so_on_another_mesh(monkeypatch: pytest.MonkeyPatc
         return warm_step.ADVANCED, 1, (np.tile(q[:1], (len(rod.mesh.nodes), 1)), F)
 
     monkeypatch.setattr(viscous_flow, "_step", at_rest)
+    monkeypatch.setattr(viscous_flow, "leaning", lambda rod, q: q)
     fall = viscous_flow.Flow(kept, shape, np.zeros(3), None)
     assert fall.go(kept, None) is not None
     assert len(kept.mesh.lengths) == 3
@@ -212,6 +213,7 @@ def test_a_fall_goes_back_where_no_drag_leads_on(monkeypatch: pytest.MonkeyPatch
         return warm_step.NOT_CONTRACTING, 1, (q.copy(), F) if arrives else None
 
     monkeypatch.setattr(viscous_flow, "_step", stuck_after_a_short_one)
+    monkeypatch.setattr(viscous_flow, "leaning", lambda rod, q: q)
     fall = viscous_flow.Flow(rod, shape, np.zeros(3), None)
     assert fall.go(rod, None) is not None
     begun = [(drag, then) for from_start, drag, then in steps if from_start]

@@ -239,3 +239,24 @@ def test_steps_that_were_halved_show_a_fold() -> None:
     found = answers(case, case.path)
     assert [one.status for one in found][:2] == [Status.CONVERGED, Status.SNAPPED]
     assert found[2].status.trusted, found[2].message  # it comes back to its plane by a fold or a fork
+
+
+@pytest.mark.parametrize(
+    ("key", "poses", "leaves"),
+    [((185, 150), 9, 5), ((185, 102), 16, 14)],
+    ids=["a drum pushed up", "a slot drawn across"],
+)
+def test_a_rough_cable_that_leaves_its_symmetry_takes_the_side_of_a_rule(
+    key: tuple[int, int], poses: int, leaves: int
+) -> None:
+    """Where a branch forks with friction, stick and slip and the mesh made it lean to one side or the other.
+
+    The slot drags the cable: there it went on, unstable, in steps so short that friction held its direction.
+    """
+    case, ends = drawn_case(*key, 1e-4), []
+    for count in (1, 2, 3, 4):
+        found = answers(case, refined(case.path[:poses], count))
+        assert all(one.status.trusted for one in found)
+        assert abs(found[count * (leaves - 2)].total_twist) < 1e-3
+        ends.append(found[-1].end_wrench)
+    assert_alike(ends)

@@ -144,8 +144,6 @@ DRAWN = {
     (184, 802): "a hose in 4 times as many poses: 1.6 % at one; it slides as friction pushes at another",
     (184, 926): "told in 4 times as many poses: 1.3 % at one, it says 0.3 %",
     (184, 928): "a hose goes onto a grid: 1.5 % at one pose, it says 1 %",
-    (185, 102): "a rough slot in 4 times as many poses: 8 to 10 % at seven, in 16 times as many 1e-4",
-    (185, 150): "a rough drum pushed up: it snaps to a side, or not, as the path is told",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {

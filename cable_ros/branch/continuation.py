@@ -22,6 +22,7 @@ from cable_ros.branch.snap_through import (
 )
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.travel import TAUT, travel
+from cable_ros.contact.viscous_flow import leaning
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import FREE_TO_TURN, Rod
 
@@ -68,6 +69,9 @@ FALLS, FALL, FALL_LYING = 3, 1e-3, 5e-3
 """Maximum number of falls with friction in a call, and the length of the failed step, L, below which it is
 tried whether the cable falls, and whether one that lies does. Else a grid takes over, and falls itself, by
 the last digit of the joints to another place."""
+AT_END = 3e-3
+"""Stability margin below which a cable with friction falls as soon as a step shows that its branch ends.
+Nearer to a fork it leans to a side by rounding, and not by rule: on a symmetric drum to one or the other."""
 EDGE = 3.0
 """Maximum distance to an edge that a step may cross, in motions of clamps and obstacles."""
 VERY_TAUT = 1e4
@@ -179,10 +183,10 @@ def continue_branch(
     def ended(end: End) -> Continuation:
         return Continuation(end, at, q, F, iterations, tuple(snaps), rod, step, fork)
 
-    def fallen(first: float) -> bool:
-        """Whether the cable has fallen and come to rest, a step of `first` further on."""
+    def fallen(first: float, start: np.ndarray) -> bool:
+        """Whether the cable has fallen from the shape `start` and rests, a step of `first` further on."""
         nonlocal at, q, F, last, iterations, forces
-        fall = fall_with_friction(rod, q, F, path, at, first, partial(_travel, rod))
+        fall = fall_with_friction(rod, start, F, path, at, first, partial(_travel, rod))
         if fall is None:
             rod.refactor(q, F)
             rod.fell_short = F if rod.falling is None and not rod.on_grid else None
@@ -196,7 +200,7 @@ def continue_branch(
 
     if not goes_on(rod, path):
         rod.falling = None
-    elif not fallen(step) and rod.falling is not None:
+    elif not fallen(step, q) and rod.falling is not None:
         return ended(End.UNFINISHED)
     while at < 1.0:
         if rod.work <= 0.0:
@@ -303,17 +307,20 @@ def continue_branch(
         if gives_way and rod.frictional and not rod.on_grid and force > VERY_TAUT:
             return ended(End.TAUT)  # it may give way before, but neither a fall nor a grid would tell when
         if rod.on_grid:
-            may_fall = far < FALL and code != warm_step.TOO_FAR
+            may_fall, ahead = far < FALL and code != warm_step.TOO_FAR, q
         else:
             # one that is taut slackens as far in as short a step
             near = far < (FALL_LYING if soft else FALL) and (force < TAUT or tiny)
             ends = near or not (stable or rod.lies)
             may_fall = fallback is not None and gives_way and ends
+            may_end = rod.frictional and stable and code == warm_step.NOT_CONVEX and far < FALL
+            forks = may_end and rod._softest() < AT_END
+            may_fall, ahead = may_fall or forks, leaning(rod, q) if forks else q
         if may_fall and falls < FALLS and rod.fell_short is not F:
             falls += 1
             # points and patches that are not stable have already passed the branch's end
             first = step if stable or rod.on_grid else SHORTEST * longest
-            if fallen(first):
+            if fallen(first, ahead):
                 continue
             if rod.falling is not None:
                 return ended(End.UNFINISHED)

@@ -17,7 +17,7 @@ from cable_ros.branch.coupling import Ends, Section
 from cable_ros.branch.held_ends import ends_of
 from cable_ros.branch.mirror_image import GRID
 from cable_ros.branch.results import Reader, Tangent, both_wrenches
-from cable_ros.branch.snap_through import FALL_WORK, pushed, snap_through
+from cable_ros.branch.snap_through import FALL_WORK, snap_through
 from cable_ros.branch.tracked_equilibrium import conditions_of
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, placed
@@ -406,7 +406,7 @@ class SharedPiece(CableTracker):
         fallen, rod.work = None, FALL_WORK
         if rod.chord(qe, re) < self._reach:
             rod.then = then
-            fallen = rod.fall_with_friction(pushed(rod, self._q), self._F, qe, re, f, obstacles)
+            fallen = rod.fall_with_friction(self._q, self._F, qe, re, f, obstacles)
             rod.falling = None  # other pieces would have to wait
         self.worked += FALL_WORK - rod.work
         if fallen is None:

@@ -15,7 +15,6 @@ from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.contact.symmetry import LEANT, OUT
 from cable_ros.contact.travel import FORCE_CHANGE, travel
 from cable_ros.rod import warm_step
-from cable_ros.rod.initial_shapes import aside
 from cable_ros.rod.kirchhoff import FREE_TO_TURN, Rod
 from cable_ros.rod.rod_state import ENERGY, TWIST
 from cable_ros.solve.trust_region import Options
@@ -49,14 +48,6 @@ FALL_WORK, FALL_CALL = 600_000.0, 150_000.0
 the call, as on a grid, and of a call after which it goes on."""
 AHEAD = 100.0
 """Number of steps along the path to where a bifurcating branch is looked for, and a fall leads first."""
-PUSH = 1e-7
-"""Rotation of the sections with which it begins, rad: of two mirror images always the same one, whatever the
-12th digit of the joints."""
-PUSH_POINTS = 1e-5
-"""The same of one that touches at points alone: the steps that led there make it as uneven. Along a patch all
-that sticks would be strained."""
-UNEVEN = 1.5
-"""Power of the arc lengths at which that bulges: it is not its own image from end to end either."""
 BEYOND = 2e-4
 """Motion of clamps and obstacles beyond a fold, L, in which a cable with friction falls."""
 DESCENT = Options(radius=0.1, largest_radius=0.3, iterations=400)
@@ -338,7 +329,7 @@ def fall_with_friction(
     spare = max((FALL_WORK if rod.on_grid else FALL_CALL) - rod.work, 0.0)
     put_back = rod.kept()
     rod.work += spare
-    fallen = rod.fall_with_friction(pushed(rod, q), F, there.qe, there.re, there.f, there.obstacles)
+    fallen = rod.fall_with_friction(q, F, there.qe, there.re, there.f, there.obstacles)
     rod.work -= spare
     if fallen is None:
         if rod.falling is not None:
@@ -356,12 +347,6 @@ def fall_with_friction(
         crossed=jumped,
     )  # fmt: skip
     return found, record, end
-
-
-def pushed(rod: Rod, q: np.ndarray) -> np.ndarray:
-    """Frames (n, 4) a little beside q (n, 4), from which a fall begins."""
-    push = PUSH if rod.lies or rod.on_grid else PUSH_POINTS
-    return rod.on_end(aside(q, rod.mesh.nodes**UNEVEN, push))
 
 
 def has_jumped(before: np.ndarray, after: np.ndarray, most: float = JUMP) -> bool:

@@ -32,7 +32,7 @@ from cable_ros.contact.points import (
 )
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.slip_kernels import note_slip
-from cable_ros.contact.symmetry import GRID, leaves_plane, takes_side
+from cable_ros.contact.symmetry import GRID, is_even, leaves_plane, takes_side
 from cable_ros.contact.travel import SHORTER, SHORTEST, travel
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.centreline import position
@@ -370,9 +370,11 @@ class ActiveSetRod(FrictionalRod):
         rotation = self.rotation + rotated if self.ready else np.inf
         was_loaded = self.loaded
         loaded = was_loaded + float(np.linalg.norm(F_new - F)) / EULER
-        if self.lies and turned == 0.0 and same and rotation < self.refactor_at:
+        if self.ready and rubs:
+            self.even = (self.lies or self._slip_rows()[0].size > 0) and self._is_even(q_new, re)
+        if self.lies and turned == 0.0 and same and rotation < self.refactor_at and not self.even:
             # what slips has new factors in most steps: stability need not be judged as often where it lies;
-            # a point that sticks lets a fork begin and end within a few steps
+            # a point that sticks lets a fork begin and end within a few steps, as does what is its own image
             turned, self.judged = rotation, False
         if self.ready and self.model != FRICTIONLESS and turned == 0.0:
             # with friction as it is; the iteration's own factors say nothing about stability, but they
@@ -439,6 +441,10 @@ class ActiveSetRod(FrictionalRod):
         """See `takes_side`, from q (n, 4) on `mesh` to q_new (n, 4), whose nodes have moved along."""
         now = Mesh(self.mesh.element, self.h.copy())
         return takes_side(mesh.interpolate(q, GRID), now.interpolate(q_new, GRID), qe, re)
+
+    def _is_even(self, q: np.ndarray, re: np.ndarray) -> bool:
+        """See `is_even`; q (n, 4) at the nodes as they have moved."""
+        return is_even(Mesh(self.mesh.element, self.h).interpolate(q, GRID), re)
 
     def _crowded(self, before: np.ndarray) -> np.ndarray:
         """(m,) which elements have less than a boundary for each end of a patch of a step that failed.

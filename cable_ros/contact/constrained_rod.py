@@ -9,6 +9,7 @@ import numpy as np
 
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.contact_entry_points import assemble_kkt
+from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.gap_search import dips, scan
 from cable_ros.contact.meshing import suited
@@ -21,9 +22,11 @@ from cable_ros.contact.points import (
     FORCE,
     FRICTION,
     KIND,
+    OBSTACLE,
     POINT,
     SAMPLE,
     SLIP_ROW,
+    SLIPS,
     SLOPE_ROW,
     STICK_ROW,
     total_force,
@@ -52,6 +55,9 @@ FRICTION_SHORTENS = 0.3
 CREEP_SHORTENS = 0.4
 """The same of a cable that stretches."""
 
+SLIP_JUDGED = 1e-4
+"""Least slip, L, with which the stability of an even shape is judged: what grows e-fold within so much is not
+stable. A cable dragged across a slot stayed even in steps of 1e-5, 8 to 10 % off."""
 LONGEST_STAY = 31
 """Maximum number of steps that keep a mesh after another one failed."""
 
@@ -111,6 +117,7 @@ class ConstrainedRod(Rod):
         # with friction: `skew_factor`'s
         self.Y_slip, self.S_slip = np.empty((ROWS, n)), np.empty((ROWS, ROWS))
         self.c = np.zeros((len(self.h), len(self.tables.points) + 1, 3))
+        self.even = False  # whether it is its own image, nearly, at the last equilibrium
         self.judged = True  # whether `responses` and `complement` are those of the present constraint rows
         self.ready = False  # whether the factors are those of the last equilibrium with its contact points
 
@@ -310,6 +317,8 @@ class ConstrainedRod(Rod):
         reach, give = self.strain[2], self.end_compliance
         turning = self._turning_rows()
         kept, self.V[turning] = self.V[turning], 0.0  # friction as it is
+        slips, gives = self._slip_rows() if self.even else (NO_ROWS, np.zeros(0))
+        stiff, self.delta[slips] = self.delta[slips], gives
         carried = self._carried_rows()
         W = self.V if not len(carried) else self.V.copy()
         W[carried] = self.W[carried]
@@ -321,7 +330,31 @@ class ConstrainedRod(Rod):
         except np.linalg.LinAlgError:
             stable = False
         self.V[turning] = kept
+        self.delta[slips] = stiff
         return bool(stable)
+
+    def _slip_rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of the constraint rows that hold a slip's direction more than one of SLIP_JUDGED, and how
+        that would give, L^3 / EI.
+
+        Friction turns with slip, by the force over the length of slip: in short steps it would hold anything,
+        though what is uneven by nothing grows as slip goes on.
+        """
+        points = self.points[: self.count]
+        slips = (points[:, SLIPS] == 1.0) & (points[:, SLIP_ROW] > 0.0) & (points[:, FORCE] > 0.0)
+        if self.model != COULOMB or not slips.any():
+            return NO_ROWS, np.zeros(0)
+        rows = points[slips, SLIP_ROW].astype(int)
+        gives = SLIP_JUDGED / np.maximum(self._coefficients()[slips] * points[slips, FORCE], 1e-300)
+        short = self.delta[rows] < gives
+        return rows[short], gives[short]
+
+    def _coefficients(self, points: np.ndarray | None = None) -> np.ndarray:
+        """(k,) coefficients of friction of the obstacles that `points` (k, COLUMNS) are on, or its own."""
+        if self.obstacles is None:
+            return np.zeros(0)
+        points = self.points[: self.count] if points is None else points
+        return self.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT]
 
     def _carried_rows(self) -> np.ndarray:
         """Numbers of the constraint rows by which a point that sticks and rolls takes its friction along."""

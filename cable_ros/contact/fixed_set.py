@@ -12,7 +12,6 @@ from cable_ros.contact.clamp_force import clamp_error, on_plane
 from cable_ros.contact.constrained_rod import ConstrainedRod
 from cable_ros.contact.contact_entry_points import point_forces
 from cable_ros.contact.dead_loads import DeadLoads
-from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING, STICK
 from cable_ros.contact.points import (
     ARC_LENGTH,
@@ -113,13 +112,6 @@ class FixedSetRod(ConstrainedRod):
         points = self.points[: self.count]
         length = points[:, LENGTH]
         return np.where(length > 0.0, np.minimum(self.bedding * length, STICK), STICK)
-
-    def _coefficients(self, points: np.ndarray | None = None) -> np.ndarray:
-        """(k,) coefficients of friction of the obstacles that `points` (k, COLUMNS) are on, or its own."""
-        if self.obstacles is None:
-            return np.zeros(0)
-        points = self.points[: self.count] if points is None else points
-        return self.obstacles[points[:, OBSTACLE].astype(int), FRICTION_COEFFICIENT]
 
     def _on_rough(self) -> np.ndarray:
         """(count,) which contact points are on an obstacle with friction, whether they press or not."""

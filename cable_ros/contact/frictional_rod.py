@@ -30,7 +30,7 @@ from cable_ros.contact.points import (
     SLIPS,
     WAS,
 )
-from cable_ros.contact.slip_kernels import slip_bend, slip_change, stops
+from cable_ros.contact.slip_kernels import slip_bend, slip_change, slip_missed
 from cable_ros.contact.travel import (
     CONTACT_STEP,
     FORCE_BEND,
@@ -41,6 +41,7 @@ from cable_ros.contact.travel import (
     LYING_STEP,
     POINTS_CHANGE,
     SHORTER,
+    SLIP_MISSED,
     TAUT,
     TAUT_CHANGE,
     TAUT_FORCE_CHANGE,
@@ -231,9 +232,12 @@ class FrictionalRod(FixedSetRod):
         slack = force < TAUT and not self.creeps  # near taut its force changes in any step
         most = (LYING_CHANGE if slack else TAUT_CHANGE) if self.has_patch else POINTS_CHANGE
         longest = stride(self._friction_change(q_new, F_new, obstacles, most), most)
-        stopped = stops(self.points, self.count, distance)
+        missed = slip_missed(self.points, self.count, distance)
+        stopped = missed > 0.0
         landed = self.count > len(before)
         at_point = stopped or (landed and self._has_new_point() and bool((before[:, SLIPS] == 1.0).any()))
+        if stopped and slack:
+            longest = min(longest, stride(missed, SLIP_MISSED))
         if landed or stopped or (self.has_patch and slack):
             larger = max(float(np.linalg.norm(F)), force, self.least)
             change = float(np.linalg.norm(F_new - F)) / larger

@@ -207,7 +207,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     theta = quaternion.rotation_vector(quaternion.multiply(quaternion.conjugate(q[q.shape[0] - 1]), qe))
     total, rounds, size, step, scale, foreseen = 0, 0, 0.0, 0.0, 1.0, 0.0
     worked, most = 0.0, max(budget, LEAST_WORK)
-    friction = np.empty((points.shape[0], 3))
+    friction, slipped = np.empty((points.shape[0], 3)), np.empty(points.shape[0])
     small, swaps = factors.S, np.empty(0, np.int64)
     unsettled_before = 0.0
     since, F_then = 0.0, F.copy()  # rotation since the last set was solved, and its end force
@@ -363,12 +363,14 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 return NOT_CONVEX, total, count, total_rows, moved, rotation, foreseen
             if model == COULOMB:
                 for i in range(count):
+                    slipped[i] = points[i, SLIPS]
                     for a in range(3):
                         friction[i, a] = points[i, FRICTION + a]
             assemble_kkt(shape, (F_new, f), section, obstacles, history, contacts, count, kkt, False, False)
             if model == COULOMB and rounds < ROUNDS:
                 left = max(rate, SWINGS_ON) * largest_change(points, count, friction)
-                if left > DIRECTED * tolerance * scale:
+                # what sticks only now has the friction of the iteration before
+                if left > DIRECTED * tolerance * scale or sticks_now(points, count, slipped):
                     rounds, holds = rounds + 1, False
                     continue
             return ADVANCED, total, count, total_rows, moved, 0.0 if fresh else rotation, foreseen
@@ -425,6 +427,15 @@ def largest_change(points, count, friction):
         for a in range(3):
             change = max(change, abs(points[i, FRICTION + a] - friction[i, a]))
     return change
+
+
+@njit(**LEAF)
+def sticks_now(points, count, slipped):
+    """Whether a point, not a sample, sticks that slipped, by `slipped` (count,)."""
+    for i in range(count):
+        if points[i, KIND] == POINT and points[i, SLIPS] == 0.0 and slipped[i] == 1.0:
+            return True
+    return False
 
 
 @njit(**INNER)

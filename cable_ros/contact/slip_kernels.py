@@ -46,15 +46,17 @@ def note_slip(points, count, step):
 
 
 @njit(**LEAF_ENTRY)
-def stops(points, count, step):
-    """Whether a point that slipped in the step before has come to rest within this one.
+def slip_missed(points, count, step):
+    """How far a point may have slipped that has come to rest within a step, L; 0: none has.
 
     It sticks, or slips so little that, slowing down evenly, it has stopped on the way: its speed at the end
-    is a backward difference of second order.
+    is a backward difference of second order. What sticks does so from the beginning of a step, though it
+    may have slipped on, ever slower, to the end.
 
     Args:
         points, count, step: as in `note_slip`.
     """
+    missed = 0.0
     for i in range(count):
         slip, slid = points[i, SLIP : SLIP + 3], points[i, SLIP_BEFORE : SLIP_BEFORE + 3]
         if points[i, KIND] != POINT or norm(slid) <= AT_REST:
@@ -63,8 +65,8 @@ def stops(points, count, step):
         for a in range(3):
             along += slip[a] * slid[a] if points[i, SLIPS] == 1.0 else 0.0
         if (1.0 + 2.0 * ratio) * along <= (ratio * norm(slid)) ** 2:
-            return True
-    return False
+            missed = max(missed, 0.5 * ratio * norm(slid))
+    return missed
 
 
 @njit(**LEAF_ENTRY)

@@ -19,6 +19,8 @@ symmetric; and by how much that has grown in a step, for near a fork the mesh an
 method make one uneven that is the same from both ends."""
 LEANT = 1e-2
 """As OUT, for a shape that a cable falls from: near a fold rounding has more of a lever."""
+NEARLY = 3e-3
+"""As OUT, for a shape that stick and slip have made uneven."""
 GRID = np.linspace(0.0, 1.0, 65)
 """Where shapes are compared."""
 
@@ -82,6 +84,21 @@ def lost_symmetry(q: np.ndarray, q_new: np.ndarray, re: np.ndarray, most: float 
         if ends < PLANAR and uneven < most and _off(now, axis) > max(OUT, GROWS * uneven):
             return Symmetry(kind, axis)
     return None
+
+
+def is_even(q: np.ndarray, re: np.ndarray) -> bool:
+    """Whether a shape is its own image in any of these ways, nearly: nothing else makes it leave that.
+
+    Args:
+        q: (n, 4) frames, at arc lengths that are symmetric.
+        re: (3,) end position, L.
+    """
+    n = quaternion.plane(q)
+    if quaternion.out_of_plane(q, n) < NEARLY and abs(float(re @ n)) < NEARLY:
+        return True
+    tangents = quaternion.tangents(q)
+    reflected, turned = tangents + tangents[::-1], tangents - tangents[::-1]
+    return min(_off(reflected, _axis(re[None])), _off(turned, _axis(turned))) < NEARLY
 
 
 def _turned_about(apart: np.ndarray, begin: np.ndarray, re: np.ndarray, was: np.ndarray) -> np.ndarray:

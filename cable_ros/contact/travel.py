@@ -39,6 +39,9 @@ LANDING_CHANGE = 0.01
 """The first where contact begins at a point, or one that slipped stops: when in the step is not known. With
 0.1 what stuck from there on was 1 to 7 % off, with 0.03 a point that slid beside one which landed 1.4 %; with
 no limit one that stopped amid a step was 2 to 3 % off. Beside a patch with 0.1, a cable on a tray was 3 %."""
+SLIP_MISSED = 3e-6
+"""How far a point may slip, L, in the step in which it comes to rest: it is taken to stick in all of it. One
+beside a roller that had 2e-5 left made the end force 2 % off, which changed by 0.5 % in that step."""
 TAUT, TAUT_CHANGE = 500.0, 0.12
 """Minimum end force, EI / L^2, of a cable that may be pulled taut around an obstacle, and the limit of the
 change of friction where such a cable lies, instead of both: its force changes in ever shorter steps."""

@@ -18,8 +18,12 @@ import numpy as np
 
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.penalty_continuation import GRID
+from cable_ros.contact.symmetry import GRID as EVENLY
+from cable_ros.contact.symmetry import is_even
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
+from cable_ros.rod.initial_shapes import side
+from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.without_contact import SAME
 
@@ -47,6 +51,9 @@ ROUNDING = 1e-9
 """Relative rise of the energy that is rounding."""
 SAME_ENDS = 1e-9
 """Maximum difference of conditions that are the same: they are computed from another fraction of the path."""
+LEAN = 3e-3
+"""How far a cable that is its own image leans to a side by rule before it falls, root of twice the elastic
+energy: more than its mesh and rounding make it uneven."""
 Ends = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """End frame, end position, load per length and obstacles, of `Rod.advance`."""
 Passed = Callable[..., bool]
@@ -148,6 +155,8 @@ class Flow:
                 if self._drag == 0.0:
                     return True
                 self._energy, self._floor = stored, EASES * self._floor
+                if len(self._behind) == 1 and (ahead := leaning(rod, arrived[0])) is not arrived[0]:
+                    self._at, self._energy = (ahead, arrived[1]), np.inf  # to lean takes energy
                 self._last, self._before = self._drag, moved
                 if moved < CALM:
                     still = self._drag * moved < STILL and moved <= self._slow
@@ -185,6 +194,19 @@ def _step(
     if drag == 0.0 and not rod.refactor(q_new, F_new):
         return warm_step.NOT_CONVEX, count, None
     return code, count, (q_new, F_new)
+
+
+def leaning(rod: Rod, q: np.ndarray) -> np.ndarray:
+    """Frames (n, 4) from which the factored rod, at q (n, 4), falls to a side by rule if it is its own image.
+
+    They are beside q, along its softest mode; else q itself.
+    """
+    if not is_even(rod.mesh.interpolate(q, EVENLY), rod.re):
+        return q
+    rod._softest()  # which finds that mode
+    ahead, back = (rod.on_end(rod.retract(q, lean * rod.mode)) for lean in (LEAN, -LEAN))
+    sides = [side(rod.mesh.interpolate(one, EVENLY), EVENLY) for one in (ahead, back)]
+    return ahead if sides[0] > sides[1] else back
 
 
 def _rotations(mesh: Mesh, q: np.ndarray, mesh_new: Mesh, q_new: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ from cable_ros.contact.points import (
     SLIPS,
     STEP_BEFORE,
 )
-from cable_ros.contact.slip_kernels import FOLLOWED, note_slip, slip_bend, stops
+from cable_ros.contact.slip_kernels import FOLLOWED, note_slip, slip_bend, slip_missed
 
 NORMAL = np.array([0.0, 0.0, 1.0])
 
@@ -131,11 +131,12 @@ def test_what_slows_down_evenly_stops_where_its_speed_is_zero(step: float) -> No
     for rest in (1.0 + 0.99 * step, 1.0 + 1.01 * step):
         slid = 1.0 - 0.5 / rest
         slip = (1.0 + step) * (1.0 - 0.5 * (1.0 + step) / rest) - slid
-        assert stops(slipped(slip, slid), 1, step) == (rest < 1.0 + step)
-    stuck = slipped(1.0, 1.0)
+        assert (slip_missed(slipped(slip, slid), 1, step) > 0.0) == (rest < 1.0 + step)
+    stuck = slipped(1.0, 0.7)
     stuck[0, SLIPS] = 0.0
-    assert stops(stuck, 1, step)
-    assert not stops(slipped(1.0, 0.0), 1, step)
+    # slowing down evenly from 0.7 in a step of 1 it might have slipped half of that on
+    assert slip_missed(stuck, 1, step) == pytest.approx(0.35 * step)
+    assert slip_missed(slipped(1.0, 0.0), 1, step) == 0.0
 
 
 def test_a_way_that_goes_on_turning_counts_little_and_what_it_turns_otherwise_all() -> None:
