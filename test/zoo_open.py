@@ -140,10 +140,10 @@ DRAWN = {
     (181, 582): "on a rough tray: a contact slides the way its friction pushes, at one pose",
     (182, 99): "a light rough lift falls, told in 4 times as many poses: 3.2 % at three, it says 6 %",
     (183, 59): "along a rough wall, told in 4 times as many poses: 1.4 % at one, it says 0.3 %",
+    (184, 482): "a heavy lift led to and fro, told in 4 times as many poses: 1.0 % at one, it says 1.3 %",
     (184, 623): "back from taut over rough beams: 5.7, 3.8 and 1.1 % at three poses, it says 7 %",
     (184, 802): "a hose in 4 times as many poses: 1.6 % at one; it slides as friction pushes at another",
     (184, 926): "told in 4 times as many poses: 1.3 % at one, it says 0.3 %",
-    (184, 928): "a hose goes onto a grid: 1.5 % at one pose, it says 1 %",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {
