@@ -369,7 +369,7 @@ class ActiveSetRod(FrictionalRod):
         self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
         rotation = self.rotation + rotated if self.ready else np.inf
         was_loaded = self.loaded
-        loaded = was_loaded + float(np.linalg.norm(F_new - F)) / EULER
+        presses = float(np.linalg.norm(F_new - F)) / EULER
         if self.ready and rubs:
             self.even = (self.lies or self._slip_rows()[0].size > 0) and self._is_even(q_new, re)
         if self.lies and turned == 0.0 and same and rotation < self.refactor_at and not self.even:
@@ -406,7 +406,8 @@ class ActiveSetRod(FrictionalRod):
                 note_slip(self.points, self.count, distance)
         self.forked = self.forked or forked
         self.rotation_before, self.rotation = rotation, turned if same else 0.0
-        self.loaded = loaded if self.rotation > 0.0 else 0.0
+        # factors that this step has made are those of an iteration, not of where it ends
+        self.loaded = presses if self.rotation == 0.0 else was_loaded + presses
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         left_unstable = False
         if remesh and (sunk or (moved and not self._remeshing.waits)):
