@@ -59,3 +59,10 @@ def test_what_was_not_followed_is_not_known_again_until_it_slips() -> None:
     assert not found[last_taut + 1].status.trusted
     assert "could not be followed: what friction holds" in found[last_taut + 1].message
     assert found[-1].status.trusted
+
+
+def test_where_no_step_leads_on_from_there_it_is_taut_not_lost() -> None:
+    """At 1.5e6 EI / L^2 no step arrived, to either side: the branch was lost for 118 poses."""
+    found = told((188, 65), 90, 1)
+    assert {one.status for one in found} == {Status.CONVERGED, Status.NOT_CONVERGED}
+    assert "taut around obstacle 'drum'" in found[-1].message

@@ -14,7 +14,14 @@ import numpy as np
 from cable_ros.branch.branch_record import Loss
 from cable_ros.branch.cable_model import CLAMP_DEPTH
 from cable_ros.branch.cold_start import Conditions, Found, equilibria
-from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, LITTLE, End, continue_branch
+from cable_ros.branch.continuation import (
+    FALLBACK_LYING_WORK,
+    HASTY_WORK,
+    LITTLE,
+    VERY_TAUT,
+    End,
+    continue_branch,
+)
 from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.branch.refinement import MOST_ELEMENTS, afresh, better_mesh, on_mesh, refine, without_slivers
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
@@ -344,7 +351,9 @@ class FollowedEquilibrium(SearchedEquilibrium):
             return self.failed(later, later.sentence, time.perf_counter() - begin)
         if within and (too_short := self._too_short(there.obstacles, there.re)):
             return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - begin)
-        force, taut = float(np.linalg.norm(self._F)), result.end is End.TAUT
+        force = float(np.linalg.norm(self._F))
+        # what rubs as hard may fail without end, on the way back as well: it is not lost
+        taut = result.end is End.TAUT or (rod.frictional and force > VERY_TAUT)
         # a grid bends a taut cable too little to follow it farther, but it keeps the branch for the way back
         if not self._passing and (taut or (rod.on_grid and within and force > TIGHT)):
             longer = self._gets_taut(rod, path, result.at)

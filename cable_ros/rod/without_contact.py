@@ -66,7 +66,7 @@ class WithoutContact:
     adapts_mesh = False
     """Whether its steps change the lengths of the elements."""
 
-    clamps = 0.3, 1.0
+    clamps = 0.25, 1.0
     """Weights of the errors of what start and end clamp bear beside a contact: the tolerance is the end's,
     and the start's five times that. The estimate at the start was once a third of the error (drawn 186, 471).
     0 at a free end, where rounding tells which part of what bears it is said to be beside it."""
