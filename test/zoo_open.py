@@ -148,7 +148,7 @@ DRAWN = {
     (187, 515): "a ball pulls a cable taut: 1.7 % at the last pose before that is said, it says 2.9 %",
     (187, 648): "a lift leaves the ground at its first pose: 1.3 %, it says 2 %",
     (187, 765): "a lift leaves the ground at its first pose: 1.6 %, it says 1 %",
-    (187, 847): "a ball lands under the middle of a cable and pulls it taut: 1.1 and 6.9 %, it says 0.2 and 1 %",
+    (187, 847): "a ball lands under a cable's middle and pulls it taut: 1.1 and 6.9 %, it says 0.2 and 1 %",
     (187, 912): "told in 4 times as many poses: 1.1 % at one, it says 0.2 %",
     (188, 38): "on a rough table, told in 4 times as many poses: it turns over to another side at nine",
     (188, 106): "a rough slot, dragged across: 9 % at a pose, where hundreds of iterations lead on",
