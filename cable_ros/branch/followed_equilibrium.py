@@ -352,7 +352,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
         if within and (too_short := self._too_short(there.obstacles, there.re)):
             return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - begin)
         force = float(np.linalg.norm(self._F))
-        # what rubs as hard may fail without end, on the way back as well: it is not lost
+        # where so much rubs, steps may fail on the way back as well: the branch is kept
         taut = result.end is End.TAUT or (rod.frictional and force > VERY_TAUT)
         # a grid bends a taut cable too little to follow it farther, but it keeps the branch for the way back
         if not self._passing and (taut or (rod.on_grid and within and force > TIGHT)):

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_ros.contact.symmetry import LEANT, OUT, leaves_plane, lost_symmetry
+from cable_ros.contact.symmetry import LEANT, OUT, is_even, leaves_plane, lost_symmetry
 from cable_ros.rod import quaternion
 
 GRID = np.linspace(0.0, 1.0, 33)
@@ -21,12 +21,21 @@ PLANAR = np.stack([np.sin(3.0 * GRID**2), NONE, np.cos(3.0 * GRID**2)], axis=1)
 AHEAD = np.array([0.0, 0.0, 1.0])
 
 
+def frames(t: np.ndarray) -> np.ndarray:
+    """(33, 4) of a shape with tangents t (33, 3), of any length."""
+    t = t / np.linalg.norm(t, axis=1)[:, None]
+    return np.array([quaternion.between(AHEAD, one) for one in t])
+
+
+def even(t: np.ndarray) -> bool:
+    """Whether the shape with tangents t (33, 3), of any length, is its own image."""
+    q = frames(t)
+    return is_even(q, np.mean(quaternion.tangents(q), axis=0))
+
+
 def lost(before: np.ndarray, change: tuple[np.ndarray, ...], size: float, uneven: float = OUT) -> bool:
     """Whether symmetry is lost as tangents (33, 3), of any length, change by `size` times three columns."""
-    shapes = []
-    for t in (before, before + size * np.stack(change, axis=1)):
-        t = t / np.linalg.norm(t, axis=1)[:, None]
-        shapes.append(np.array([quaternion.between(AHEAD, one) for one in t]))
+    shapes = [frames(t) for t in (before, before + size * np.stack(change, axis=1))]
     position = np.mean(quaternion.tangents(shapes[0]), axis=0)  # the ends stay where they are
     if before is PLANAR:
         return leaves_plane(*shapes, shapes[1][-1], position)
@@ -50,6 +59,9 @@ def test_what_is_its_own_image(
     assert not lost(shape, keeps, 0.1)
     assert lost(shape, breaks, 0.1)
     assert not lost(shape, breaks, 1e-4)  # that may be rounding of a step near the fork
+    kept, broken = np.stack(keeps, axis=1), np.stack(breaks, axis=1)
+    assert even(shape + 0.1 * kept + 1e-3 * broken)  # as uneven as stick and slip make it
+    assert not even(shape + 0.1 * kept + 0.1 * broken)
     askew = shape + 3.0 * OUT * np.stack(breaks, axis=1)
     assert not lost(askew, breaks, 0.1)
 
