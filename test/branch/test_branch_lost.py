@@ -171,7 +171,8 @@ def test_beside_its_mirror_image_a_cable_is_not_known_again_because_it_slips(
     assert Status.BRANCH_LOST not in {one.status for one in found}
 
     def stuck(rod, q, F, *args, **options):  # type: ignore[no-untyped-def]
-        return Continuation(End.STUCK, 0.0, q, F, 0, (), rod, 0.1)
+        # with all of its force it would be taut, and keep its branch
+        return Continuation(End.STUCK, 0.0, q, 0.1 * F, 0, (), rod, 0.1)
 
     monkeypatch.setattr(followed_equilibrium, "continue_branch", stuck)
     found = [tracker.arrive(case.path[28])["cable"]]
