@@ -308,8 +308,9 @@ def continue_branch(
             continue
         if gives_way and rod.frictional and not rod.on_grid and force > VERY_TAUT:
             return ended(End.TAUT)  # it may give way before, but neither a fall nor a grid would tell when
+        forks = False
         if rod.on_grid:
-            may_fall, ahead = far < FALL and code != warm_step.TOO_FAR, q
+            may_fall = far < FALL and code != warm_step.TOO_FAR
         else:
             # one that is taut slackens as far in as short a step
             near = far < (FALL_LYING if soft else FALL) and (force < TAUT or tiny)
@@ -317,12 +318,11 @@ def continue_branch(
             may_fall = fallback is not None and gives_way and ends
             may_end = rod.frictional and stable and code == warm_step.NOT_CONVEX and far < FALL
             forks = may_end and rod._softest() < AT_END
-            may_fall, ahead = may_fall or forks, leaning(rod, q) if forks else q
-        if may_fall and falls < FALLS and rod.fell_short is not F:
+        if (may_fall or forks) and falls < FALLS and rod.fell_short is not F:
             falls += 1
             # points and patches that are not stable have already passed the branch's end
             first = step if stable or rod.on_grid else SHORTEST * longest
-            if fallen(first, ahead):
+            if fallen(first, leaning(rod, q) if forks else q):
                 continue
             if rod.falling is not None:
                 return ended(End.UNFINISHED)

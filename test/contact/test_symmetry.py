@@ -62,7 +62,7 @@ def test_what_is_its_own_image(
     kept, broken = np.stack(keeps, axis=1), np.stack(breaks, axis=1)
     assert even(shape + 0.1 * kept + 1e-3 * broken)  # as uneven as stick and slip make it
     assert not even(shape + 0.1 * kept + 0.1 * broken)
-    askew = shape + 3.0 * OUT * np.stack(breaks, axis=1)
+    askew = shape + 3.0 * OUT * broken
     assert not lost(askew, breaks, 0.1)
 
 
