@@ -85,7 +85,7 @@ def by_rule(found: Found, shape: np.ndarray, uneven: float = OUT) -> tuple[Found
     if n is not None and _leaves(shape, now, n, NEARLY * uneven):
         image = _image(found, n)
     else:
-        lost = lost_symmetry(shape, now, rod.re, uneven)
+        lost = lost_symmetry(shape, now, rod.re, rod.f, uneven)
         image = None if lost is None else end_for_end(found, lost)
     if image is None:
         return found, False

@@ -441,7 +441,7 @@ class ActiveSetRod(FrictionalRod):
     ) -> bool:
         """See `takes_side`, from q (n, 4) on `mesh` to q_new (n, 4), whose nodes have moved along."""
         now = Mesh(self.mesh.element, self.h.copy())
-        return takes_side(mesh.interpolate(q, GRID), now.interpolate(q_new, GRID), qe, re)
+        return takes_side(mesh.interpolate(q, GRID), now.interpolate(q_new, GRID), qe, re, self.f)
 
     def _is_even(self, q: np.ndarray, re: np.ndarray) -> bool:
         """See `is_even`; q (n, 4) at the nodes as they have moved."""

@@ -57,27 +57,30 @@ def leaves_plane(
     return ends < PLANAR and quaternion.out_of_plane(q, n) < most
 
 
-def takes_side(q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray) -> bool:
+def takes_side(q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray) -> bool:
     """Whether a cable with friction, which makes it a little uneven, is no longer its own image.
 
-    Arguments as in `leaves_plane`, at arc lengths that are symmetric.
+    Arguments as in `leaves_plane`, at arc lengths that are symmetric, and in `lost_symmetry`.
     """
-    return leaves_plane(q, q_new, qe, re, OUT / GROWS) or lost_symmetry(q, q_new, re) is not None
+    return leaves_plane(q, q_new, qe, re, OUT / GROWS) or lost_symmetry(q, q_new, re, f) is not None
 
 
-def lost_symmetry(q: np.ndarray, q_new: np.ndarray, re: np.ndarray, most: float = OUT) -> Symmetry | None:
+def lost_symmetry(
+    q: np.ndarray, q_new: np.ndarray, re: np.ndarray, f: np.ndarray, most: float = OUT
+) -> Symmetry | None:
     """By which a shape was its own image from end to end, and is no longer, although its ends are; or None.
 
     Args:
         q, q_new: (n, 4) frames before and after, at arc lengths that are symmetric.
         re: (3,) end position, L.
+        f: (3,) load per length.
         most: how uneven the shape before may be, OUT or LEANT.
     """
     before, after = quaternion.tangents(q), quaternion.tangents(q_new)
     for kind, sign in ((REVERSED, 1.0), (TURNED, -1.0)):
         was, now = before + sign * before[::-1], after + sign * after[::-1]
         # reflected, all is along the chord; turned, all is along an axis across it
-        axis = _axis(re[None]) if kind == REVERSED else _turned_about(now[0], after[0], re, was)
+        axis = _axis(re[None]) if kind == REVERSED else _turned_about(now[0], after[0], re, f, was)
         askew = 0.0 if kind == REVERSED else abs(float(re @ axis))
         uneven = _off(was, _axis(was) if kind == REVERSED else axis)
         ends = max(_off(now[:1], axis), askew)
@@ -101,15 +104,18 @@ def is_even(q: np.ndarray, re: np.ndarray) -> bool:
     return min(_off(reflected, _axis(re[None])), _off(turned, _axis(turned))) < NEARLY
 
 
-def _turned_about(apart: np.ndarray, begin: np.ndarray, re: np.ndarray, was: np.ndarray) -> np.ndarray:
-    """(3,) axis of the half turn that swaps the ends, which know it better than a shape near a fork.
+def _turned_about(
+    apart: np.ndarray, begin: np.ndarray, re: np.ndarray, f: np.ndarray, was: np.ndarray
+) -> np.ndarray:
+    """(3,) axis of the half turn that swaps the ends, which know it, or the load, better than a shape.
 
     Args:
         apart, begin: (3,) tangent at the start, less that at the end and alone.
-        re: (3,) end position, L.
-        was: (n, 3) tangents before less those from the other end: along the axis, if all three are parallel.
+        re, f: (3,) end position, L, and load per length.
+        was: (n, 3) tangents before less those from the other end: along the axis, if all three are parallel
+            and there is no load. Near a fork these are uneven by 1e-5.
     """
-    for v in (apart, np.cross(re, begin)):
+    for v in (apart, np.cross(re, begin), f):
         if (axis := _axis(v[None])).any():
             return axis
     chord = _axis(re[None])

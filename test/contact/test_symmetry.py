@@ -39,7 +39,7 @@ def lost(before: np.ndarray, change: tuple[np.ndarray, ...], size: float, uneven
     position = np.mean(quaternion.tangents(shapes[0]), axis=0)  # the ends stay where they are
     if before is PLANAR:
         return leaves_plane(*shapes, shapes[1][-1], position)
-    return lost_symmetry(*shapes, position, uneven) is not None
+    return lost_symmetry(*shapes, position, np.zeros(3), uneven) is not None
 
 
 @pytest.mark.parametrize(
@@ -78,3 +78,14 @@ def test_shape_that_leans_before_it_falls(breaks: tuple[np.ndarray, ...]) -> Non
     leans = BOW + 3.0 * OUT * np.stack(breaks, axis=1)
     assert lost(leans, breaks, 0.3, LEANT)
     assert not lost(leans, breaks, 0.3)
+
+
+def test_load_tells_the_axis_that_aligned_ends_do_not() -> None:
+    """A shape uneven by 3e-5 tilts it: then the image is no equilibrium, and no rule picks the side."""
+    twisted, breaks = np.stack([0.5 * ODD, EVEN, 1.0 + NONE], axis=1), np.stack([NONE, ODD, NONE], axis=1)
+    shapes = [frames(twisted + lean * breaks) for lean in (3e-5, 0.3)]
+    for load, tilt in ((np.array([-20.0, 0.0, 0.0]), 0.0), (np.zeros(3), 1e-5)):
+        symmetry = lost_symmetry(*shapes, 0.6 * AHEAD, load)
+        assert symmetry is not None
+        assert abs(symmetry.axis[1]) >= tilt
+        assert tilt > 0.0 or np.allclose(np.abs(symmetry.axis), [1.0, 0.0, 0.0], 0.0, 1e-12)
