@@ -16,8 +16,9 @@ import numpy as np
 
 from cable_ros.branch import handover
 from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Sought, Starts
-from cable_ros.branch.continuation import End, continue_branch
+from cable_ros.branch.continuation import continue_branch
 from cable_ros.branch.refinement import refine
+from cable_ros.branch.walk import End
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import FRICTIONLESS
 from cable_ros.contact.nodal_rod import NodalRod

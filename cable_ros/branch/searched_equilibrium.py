@@ -10,11 +10,11 @@ import numpy as np
 
 from cable_ros.branch.branch_record import BranchRecord
 from cable_ros.branch.cold_start import Found, Sought, equilibria, same
-from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.property_change import Section, follow
 from cable_ros.branch.refinement import refine
 from cable_ros.branch.search import Search
 from cable_ros.branch.tracked_equilibrium import TrackedEquilibrium
+from cable_ros.branch.walk import VERY_TAUT
 from cable_ros.contact.friction_kernels import COULOMB
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.shearing_rod import without_shear

@@ -13,10 +13,10 @@ from cable_ros.branch import handover, results
 from cable_ros.branch.branch_record import FORKED, BranchRecord, GridHistory, Loss, is_unique, relative_motion
 from cable_ros.branch.cable_model import CableModel
 from cable_ros.branch.cold_start import Conditions, Found
-from cable_ros.branch.continuation import VERY_TAUT
 from cable_ros.branch.extremes import Obstacles, Reading, extremes
 from cable_ros.branch.refinement import ACCEPT, LENIENT, refine
 from cable_ros.branch.snap_through import SnapThrough, left_on_refining
+from cable_ros.branch.walk import VERY_TAUT
 from cable_ros.common.backoff import Backoff
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import COULOMB

@@ -19,8 +19,8 @@ from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case, refined
 from cable_ros.branch import cable_tracker, followed_equilibrium, handover
 from cable_ros.branch.branch_record import BranchRecord, GridHistory, Loss
-from cable_ros.branch.continuation import Continuation, End
 from cable_ros.branch.snap_through import FOLD, SMALL, SnapThrough
+from cable_ros.branch.walk import Continuation, End
 from cable_ros.joint import joint_load, joint_stiffness, joint_torque
 from cable_ros.log import events
 from cable_ros.log.resolve import Outcome, resolve

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from cable_ros import Equilibrium, Status, Tracker, load_scene
 from cable_ros.bench.cases import case_scene, joint_values
 from cable_ros.bench.drawn import drawn_case
-from cable_ros.branch.continuation import _taut_at
+from cable_ros.branch.failed_step import taut_at
 from cable_ros.contact.distance import AXES, CAPSULE, CENTRE, DIMENSIONS, SHAPE, SPHERE, WIDTH
 from cable_ros.contact.shortest_path import gets_taut
 from cable_ros.scene.kinematics import Kinematics
@@ -170,6 +170,6 @@ def test_a_string_over_the_top_of_a_ball_is_not_taut() -> None:
 def test_the_end_is_extrapolated() -> None:
     """The force to the power -1/2 is linear in what is left of the slack."""
     forces = [(at, 4e2 / (0.8 - at) ** 2) for at in (0.2, 0.5)]
-    assert _taut_at(forces) == pytest.approx(0.8)
-    assert _taut_at(forces[::-1]) == np.inf
-    assert _taut_at(forces[:1]) == np.inf
+    assert taut_at(forces) == pytest.approx(0.8)
+    assert taut_at(forces[::-1]) == np.inf
+    assert taut_at(forces[:1]) == np.inf
