@@ -3,51 +3,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cable_ros.contact.edges import across_edges
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
-from cable_ros.contact.frictional_rod import FrictionalRod
-from cable_ros.contact.meshing import CLOSEST, fitted, layered
+from cable_ros.contact.laying_down import Landing
+from cable_ros.contact.letting_go import lets_go
+from cable_ros.contact.mobilising_rod import MobilisingRod
 from cable_ros.contact.newton import REVERSES, active_set_newton, iteration_work
-from cable_ros.contact.patches import resample
-from cable_ros.contact.path_error import STILL, PathError
+from cable_ros.contact.path_error import STILL
 from cable_ros.contact.points import (
-    ARC_LENGTH,
-    BEFORE,
-    FIRST,
     FORCE,
-    FRICTION,
-    INTERFACE,
-    KIND,
     NUMBER,
     OBSTACLE,
-    POINT,
-    SAMPLE,
     SPARED,
 )
+from cable_ros.contact.remeshing_rod import State
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.slip_kernels import note_slip
 from cable_ros.contact.symmetry import GRID, is_even, leaves_plane, takes_side
 from cable_ros.contact.travel import SHORTER, SHORTEST, travel
 from cable_ros.rod import quaternion, warm_step
-from cable_ros.rod.centreline import position
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
 from cable_ros.rod.without_contact import SAME
 
 FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR, REVERSES
 """How a step ends that may be solved in another way."""
-GOES = 3e-3
-"""Maximum force of a contact that is about to end, as a fraction of the largest one, of the end's too."""
-KEPT, SETTLES, PRESSES = 1e-3, 0.05, 0.005
-"""Maximum relative change of friction and contact forces on a new mesh with friction as it was, rotation of
-a section, rad, and relative change of contact forces that go on as they did: what friction holds may be far
-from where it would be without, and an edge that it rolls over may be near."""
 EASY_STILL = 12
 """Maximum number of iterations in which what slips along a patch goes on as it did: in more of them stick and
 slip have changed in many places."""
@@ -76,17 +61,55 @@ UNEVEN = 1e-3
 EASY, TURN_BACK = 12, 0.5
 """Maximum number of iterations of a step that was not hard to solve, and the factor of one that was and in
 which friction turns back at a point: it may have stuck, and then the cable goes elsewhere."""
-TURN, LEAST_TURN = 0.25, 1 / 128
-"""First and least part of mobilised friction that turns back at once."""
 EULER, LOADED = 4.0 * np.pi**2, 0.5
 """Force that buckles a straight cable between its clamps, EI / L^2; and the part of the stability margin that
 the end force may have changed by, over that, before stability is judged: what is pressed hardly turns first.
 """
-Solved = tuple[int, int, bool, float, float, np.ndarray, np.ndarray]
-"""What `ActiveSetRod._newton` returns."""
 
 
-class ActiveSetRod(FrictionalRod):
+class Step(NamedTuple):
+    """A step that is asked for, and the rod before it."""
+
+    q: np.ndarray
+    """(n, 4) nodal frames."""
+    F: np.ndarray
+    """(3,) end force."""
+    ends: tuple[np.ndarray, np.ndarray, np.ndarray]
+    """New end frame (4,), end position (3,), L, and load per length (3,)."""
+    obstacles: np.ndarray
+    """(o, WIDTH) that it leads to."""
+    tolerance: float
+    limit: float
+    """Of Newton's method: its last rotation, and the maximum of any, rad."""
+    remesh: bool
+    """Whether the mesh may change."""
+    distance: float
+    """Its length, L; 0 without friction."""
+    kept: State
+    mesh: Mesh
+    direction: np.ndarray
+    """(3,) of the end's motion that friction is mobilised against."""
+
+
+class Solved(NamedTuple):
+    """How a solve ended."""
+
+    code: int
+    """See `newton.active_set_newton`."""
+    iterations: int
+    moved: bool
+    """Whether another mesh would hold the points better."""
+    turned: float
+    """Rotation since the last factorisation, rad."""
+    foreseen: float
+    """Rotation in the tangent step, rad."""
+    q: np.ndarray
+    """(n, 4) nodal frames."""
+    F: np.ndarray
+    """(3,) end force."""
+
+
+class ActiveSetRod(MobilisingRod):
     """A rod whose contact points belong to its last equilibrium: `step_in_contact` changes them, together
     with the lengths of the elements, and puts them back if it fails.
     """
@@ -97,13 +120,6 @@ class ActiveSetRod(FrictionalRod):
     """See `History`."""
     step_length = 0.0
     """Of the present step, L; see `History.step`."""
-    found_on: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-    """Frames (k, 4) of the last equilibrium, lengths (j,) and starts (j,) of the elements on which it was
-    found, if it lies with friction and its mesh has changed since: what sticks stays where it was there."""
-
-    @property
-    def adapts_mesh(self) -> bool:  # type: ignore[override]
-        return self.count > 0
 
     def loaded_contacts(self, q: np.ndarray) -> Callable[[], LoadedContacts] | None:
         if not self.count or self.obstacles is None:
@@ -126,130 +142,8 @@ class ActiveSetRod(FrictionalRod):
         """With the present mesh and contacts."""
         return float(iteration_work(self.elastic.shape[0], self.rows))
 
-    def _let_go(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-        """The equilibrium (q, F) on a fresh mesh with the friction that it had: what sticks moves with it.
-
-        A finer mesh shows the shape better everywhere; friction does not act against that change. Only for
-        contact points: along a patch friction that is held, not what sticks, would let the cable drift.
-        """
-        points = self.points[: self.count]
-        if self.model != COULOMB or not points[:, FRICTION:BEFORE].any() or (points[:, KIND] != POINT).any():
-            return q, F
-        assert self.obstacles is not None
-        kept, mesh, followed = self.state(), self.mesh, self.followed
-        total = points[:, FRICTION:BEFORE].sum(axis=0)
-        then = self._state_of(q)
-        self.model = FRICTIONLESS
-        code, _, q_new, F_new = self.correct(q, F, tolerance, SETTLES, remesh=False)
-        self.model, self.ready, self.followed = COULOMB, False, followed
-        left = self.points[: self.count, FRICTION:BEFORE].sum(axis=0)
-        near = code == warm_step.ADVANCED and self._settled(then, q_new, KEPT)
-        if near and np.abs(left - total).max() <= KEPT * np.abs(total).max():
-            return q_new, F_new
-        self.restore(kept, mesh)
-        return q, F
-
-    def fit(self, q: np.ndarray) -> np.ndarray:
-        """Change to a mesh fitted to the contact points; returns the shape q (n, 4) on it."""
-        points = self.points[: self.count]
-        return self._onto(fitted(self.mesh.element, list(self.s0[1:]), points, self.finest()), q)
-
-    def fit_patches(self, q: np.ndarray) -> np.ndarray:
-        """`fit` if the cable lies along anything; with contact points alone it keeps its mesh."""
-        return self.fit(q) if (self.points[: self.count, KIND] != POINT).any() else q
-
-    def resolve(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Change to a mesh fine enough for the layers in which the end force F bends the cable; q on it."""
-        mesh = layered(self.mesh, self.points[: self.count], float(np.linalg.norm(F)))
-        return q if len(mesh.lengths) == len(self.h) else self._onto(mesh, q)
-
-    def refined(self, q: np.ndarray) -> np.ndarray:
-        """Change to a mesh with all elements halved; returns the shape q (n, 4) on it."""
-        return self._onto(self.mesh.split(np.ones(len(self.h), bool)), q)
-
-    def _onto(self, mesh: Mesh, q: np.ndarray) -> np.ndarray:
-        fresh = self.mesh.interpolate(q, mesh.nodes)
-        fresh[0], fresh[-1] = q[0], q[-1]
-        before = (q, self.h, self.s0) if self.found_on is None else self.found_on
-        self._allocate(mesh)
-        self.stay(before)
-        self.points[: self.count, INTERFACE] = -1.0
-        self.take_samples()
-        return fresh
-
-    def stay(self, found_on: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-        """Let what sticks along a patch stay where it was on another mesh, see `found_on`.
-
-        On a new mesh the frames between two nodes are others than they were, and the cable is elsewhere, if
-        only by 1e-6 of its length. A taut one that sticks there has another end force, by up to 1 %.
-        """
-        if self.model == COULOMB and self.has_patch:
-            self.found_on = found_on
-
-    def state(self) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
-        """Contact points, their number, lengths and starts of the elements, for `restore`."""
-        return self.points[: self.count].copy(), self.count, self.h.copy(), self.s0.copy()
-
-    def restore(
-        self, state: tuple[np.ndarray, int, np.ndarray, np.ndarray], mesh: Mesh | None = None
-    ) -> None:
-        """Put back a `state`, and the `mesh` if it may have changed."""
-        if mesh is not None and self.mesh is not mesh:
-            self._allocate(mesh)
-            self.found_on = None
-        points, self.count, self.h[:], self.s0[:] = state
-        self.points[: self.count] = points
-
-    def kept(self) -> Callable[[], None]:
-        conditions = self.qe, self.re, self.f, self.obstacles
-        return partial(self._put_back, self.state(), self.mesh, conditions, self.followed)
-
-    def _put_back(
-        self, state: tuple[np.ndarray, int, np.ndarray, np.ndarray], mesh: Mesh, conditions: tuple[Any, ...],
-        followed: PathError,
-    ) -> None:  # fmt: skip
-        self.restore(state, mesh)
-        self.set_conditions(*conditions)
-        self.ready, self.followed = False, followed
-
     def lets_go(self, q: np.ndarray, F: np.ndarray, near: float) -> bool:
-        """Whether at the equilibrium (q, F) all that holds the cable is a point that hardly presses any more,
-        or the face under a point whose edge, at most `near` away, would not.
-
-        If so, the branch ends at a fold, at which the stability margin jumps. Leaves (q, F) factored.
-        """
-        forces = self.points[: self.count, FORCE]
-        if self.count == 0 or self.model != FRICTIONLESS:
-            return False
-        held, kept = True, self.state()
-        for obstacles in self._edges_crossed(q, near):
-            there, self.obstacles = self.obstacles, obstacles
-            held = held and self.refactor(q, F)
-            self.restore(kept)
-            self.obstacles = there
-        least = int(np.argmin(forces))
-        most = max(float(forces.max()), float(np.linalg.norm(F)))
-        if self.points[least, KIND] == POINT and forces[least] <= GOES * most:
-            self.points[least : self.count - 1] = self.points[least + 1 : self.count].copy()
-            self.count -= 1
-            held = held and self.refactor(q, F)
-            self.restore(kept)
-        self.refactor(q, F)
-        return not held
-
-    def _edges_crossed(self, q: np.ndarray, near: float) -> Iterator[np.ndarray]:
-        """The obstacles (o, WIDTH) with one moved, a point just beyond its edge; see `across_edges`."""
-        assert self.obstacles is not None
-        self.trace(q)
-        r = np.empty(3)
-        for point in self.points[: self.count]:
-            if point[KIND] == POINT:
-                position(self.c, self.h, self.s0, point[ARC_LENGTH], r)
-                which = int(point[OBSTACLE])
-                for moved in across_edges(self.obstacles[which], r, near):
-                    obstacles = self.obstacles.copy()
-                    obstacles[which] = moved
-                    yield obstacles
+        return lets_go(self, q, F, near)
 
     def polished(self, q: np.ndarray, F: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
         """The equilibrium (q, F) solved once more if it lies along something without friction.
@@ -289,28 +183,6 @@ class ActiveSetRod(FrictionalRod):
             self._slip_on(before)
         return found
 
-    def _state_of(self, q: np.ndarray) -> tuple[Mesh, np.ndarray, np.ndarray, float]:
-        """Mesh, frames q (n, 4), contact force (3,) and sum of the sizes of the contact forces."""
-        size = float(self.points[: self.count, FORCE].sum())
-        return Mesh(self.mesh.element, self.h.copy()), q, self.contact_force(), size
-
-    def _settled(
-        self, then: tuple[Mesh, np.ndarray, np.ndarray, float], q: np.ndarray, most: float = PRESSES
-    ) -> bool:
-        """Whether the cable has settled at q (n, 4) and not gone elsewhere since `then`, see `_state_of`.
-
-        `most`: relative change of the contact forces.
-        """
-        mesh, before, force, size = then
-        same = float(np.abs(self.contact_force() - force).max()) <= most * size
-        return same and self._rotated(before, q, mesh) <= SETTLES
-
-    def take_samples(self) -> None:
-        """Give the patches the samples of the present mesh; what slips goes on slipping."""
-        before = self.points[: self.count].copy()
-        self.count = resample(self.points, self.count, self.h, self.s0, self.creeps)
-        self._slip_on(before)
-
     def step_in_contact(
         self, q: np.ndarray, F: np.ndarray, qe: np.ndarray, re: np.ndarray, f: np.ndarray,
         tolerance: float, limit: float, obstacles: np.ndarray, remesh: bool = True,
@@ -319,208 +191,223 @@ class ActiveSetRod(FrictionalRod):
 
         Returns code, iterations and the new (q, F), see `newton.active_set_newton`.
         """
-        kept, direction, mesh = self.state(), self.direction, self.mesh
+        before, spent = (self.state(), self.mesh, self.direction), 0
         self.latest, self.stride = None, 2.0  # the gradient will be another's
-        Y, S = (self.responses, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
-        spent = 0
         if remesh and self.model == SLIDING:
             code, spent, q, F = self._reverse(q, F, re, tolerance, limit)
             if code != warm_step.ADVANCED:
-                self.restore(kept, mesh)
-                self.direction, self.ready = direction, False
+                self._back_to(before)
+                self.ready = False
                 return code, spent, q, F
         rubs = self.model == COULOMB
         distance = travel(self.qe, self.re, self.obstacles, qe, re, obstacles) if rubs else 0.0
-        self.step_length = distance if distance > STILL else 0.0
-        self._set_bedding(distance, F)
-        goal = (qe, re, f), obstacles, (tolerance, limit, self.rotation, self.refactor_at)
-        factors = self.A, self.L, self.pivots, Y, S
-        found = self._newton(q, F, goal, factors)
-        # a step against more drag costs less
-        if found[0] in FAILED and self.drag == 0.0 and self.work > 0.0:
-            more, found = self._begin_soft(q, F, goal, factors, found, distance, (kept, mesh))
+        step = Step(q, F, (qe, re, f), obstacles, tolerance, limit, remesh, distance, *before)
+        more, found = self._solve(step)
+        spent += more
+        fewer = self.count < step.kept[1]
+        forked = fewer and self._holds_alone()
+        rotated = quaternion.largest_rotation(q, found.q) if found.code == warm_step.ADVANCED else np.inf
+        code, landing = self._within_limits(step, found, rotated, fewer)
+        sided = code == warm_step.ADVANCED and self._takes_side(step, found)
+        code, turned = self._judged(step, found, warm_step.TOO_FAR if sided else code, rotated)
+        if code == warm_step.ADVANCED:
+            return self._take(step, found, turned, rotated, landing, forked)
+        too_long = self._too_long(step, code, sided)
+        self._back_to(before)
+        if too_long.any():
+            more, split = self._step_on_split(step, too_long)
             spent += more
-        code, iterations, moved, turned, foreseen, q_new, F_new = found
-        code = warm_step.TOO_FAR if code == REVERSES else code
-        self.then, landing = SAME, None
-        forked = self.count < kept[1] and self._holds_alone()
-        rotated = quaternion.largest_rotation(q, q_new) if code == warm_step.ADVANCED else np.inf
-        if code == warm_step.ADVANCED and self.model == COULOMB:
-            self.stride = self._friction_stride(F, q_new, F_new, obstacles, kept[0], distance)
+            if split is not None:
+                return warm_step.ADVANCED, found.iterations + spent, *split
+        return code, found.iterations + spent, found.q, found.F
+
+    def _back_to(self, before: tuple[State, Mesh, np.ndarray]) -> None:
+        """Put back contact points, mesh and the direction of mobilised friction."""
+        self.restore(*before[:2])
+        self.direction = before[2]
+
+    def _solve(self, step: Step) -> tuple[int, Solved]:
+        """Iterations in vain, and what the last solve of a step ended in."""
+        Y, S = (self.responses, self.complement) if self.model == FRICTIONLESS else (self.Y_slip, self.S_slip)
+        self.step_length = step.distance if step.distance > STILL else 0.0
+        self._set_bedding(step.distance, step.F)
+        control = step.tolerance, step.limit, self.rotation, self.refactor_at
+        goal, factors = (step.ends, step.obstacles, control), (self.A, self.L, self.pivots, Y, S)
+        spent, found = 0, self._newton(step.q, step.F, goal, factors)
+        # a step against more drag costs less
+        if found.code in FAILED and self.drag == 0.0 and self.work > 0.0:
+            spent, found = self._begin_soft(step, goal, factors, found)
+        self.then = SAME
+        return spent, found._replace(code=warm_step.TOO_FAR) if found.code == REVERSES else found
+
+    def _within_limits(
+        self, step: Step, found: Solved, rotated: float, fewer: bool
+    ) -> tuple[int, Landing | None]:
+        """The code of a step that is solved, TOO_FAR if friction changed too much in it, and what came down.
+
+        Sets the `stride`. `rotated`: the largest rotation of a node, rad; `fewer`: whether a contact ended.
+        """
+        if found.code != warm_step.ADVANCED:
+            return found.code, None
+        landing, (qe, re, _) = None, step.ends
+        if self.model == COULOMB:
+            points, distance = step.kept[0], step.distance
+            self.stride = self._friction_stride(step.F, found.q, found.F, step.obstacles, points, distance)
             addend = LEVER * distance + LEAST_LEAP
-            farthest = FORESEEN * foreseen + (FEWER if self.count < kept[1] else 1.0) * addend
-            leaps = distance > 0.0 and rotated > farthest and self._rotated(q, q_new) > farthest
-            if iterations > EASY and self._turns_back():
+            farthest = FORESEEN * found.foreseen + (FEWER if fewer else 1.0) * addend
+            leaps = distance > 0.0 and rotated > farthest and self._rotated(step.q, found.q) > farthest
+            if found.iterations > EASY and self._turns_back():
                 self.stride = min(self.stride, TURN_BACK)
-            landing = self.landing(kept[0]) if distance > STILL else None
-            again, onward = self._landing_strides(landing, distance, F_new)
+            landing = self.landing(points) if distance > STILL else None
+            again, onward = self._landing_strides(landing, distance, found.F)
             again = min(again, self.stride if leaps or self.stride < SHORTER else 1.0)
             if not self.trial and (leaps or (again < 1.0 and distance > SHORTEST)):
-                code, self.stride = warm_step.TOO_FAR, max(again, 0.99 * SHORTEST / distance)
-            else:
-                self.onward, self.stride = onward, min(self.stride, onward)
-        if code == warm_step.ADVANCED and iterations > MANY and leaves_plane(q, q_new, qe, re):
-            code = warm_step.TOO_FAR
-        falls = self.trial or self.tentative  # which does leave what is not stable
-        may_fork = code == warm_step.ADVANCED and rubs and iterations > SOME and not falls
-        sided = may_fork and self._takes_side(mesh, q, q_new, qe, re)
-        if sided:
-            code = warm_step.TOO_FAR
-        self.ready, same = code == warm_step.ADVANCED, self.count == kept[1]
-        rotation = self.rotation + rotated if self.ready else np.inf
-        was_loaded = self.loaded
-        presses = float(np.linalg.norm(F_new - F)) / EULER
-        if self.ready and rubs:
-            self.even = (self.lies or self._slip_rows()[0].size > 0) and self._is_even(q_new, re)
+                self.stride = max(again, 0.99 * SHORTEST / distance)
+                return warm_step.TOO_FAR, landing
+            self.onward, self.stride = onward, min(self.stride, onward)
+        strays = found.iterations > MANY and leaves_plane(step.q, found.q, qe, re)
+        return warm_step.TOO_FAR if strays else warm_step.ADVANCED, landing
+
+    def _takes_side(self, step: Step, found: Solved) -> bool:
+        """Whether a step with friction `takes_side`, its nodes having moved along; not while it falls, which
+        does leave what is not stable.
+        """
+        if self.model != COULOMB or found.iterations <= SOME or self.trial or self.tentative:
+            return False
+        now, (qe, re, f) = Mesh(self.mesh.element, self.h.copy()), step.ends
+        return takes_side(step.mesh.interpolate(step.q, GRID), now.interpolate(found.q, GRID), qe, re, f)
+
+    def _judged(self, step: Step, found: Solved, code: int, rotated: float) -> tuple[int, float]:
+        """Judge the stability of a step that is solved: its code, and the rotation since the factors, rad."""
+        self.ready = code == warm_step.ADVANCED
+        if not self.ready or self.model == FRICTIONLESS:
+            return code, found.turned
+        if self.model == COULOMB:
+            evens = self.lies or self._slip_rows()[0].size > 0
+            grid = Mesh(self.mesh.element, self.h)
+            self.even = evens and is_even(grid.interpolate(found.q, GRID), step.ends[1])
+        turned, rotation = found.turned, self.rotation + rotated
+        same = self.count == step.kept[1]
         if self.lies and turned == 0.0 and same and rotation < self.refactor_at and not self.even:
             # what slips has new factors in most steps: stability need not be judged as often where it lies;
             # a point that sticks lets a fork begin and end within a few steps, as does what is its own image
             turned, self.judged = rotation, False
-        if self.ready and self.model != FRICTIONLESS and turned == 0.0:
+        if turned == 0.0 and not self.kkt_factor(self.drag, 3 + self.count):
             # with friction as it is; the iteration's own factors say nothing about stability, but they
             # predict the next step
-            code = warm_step.ADVANCED if self.kkt_factor(self.drag, 3 + self.count) else warm_step.NOT_CONVEX
-        if code != warm_step.ADVANCED:
-            too_long = np.zeros(0, bool)
-            if remesh and sided:
-                # the mesh, which patches draw to them, may have taken the side
-                too_long = np.full(len(self.h), np.abs(self.h - self.h[::-1]).max() > UNEVEN)
-            elif remesh and self.model == FRICTIONLESS and code in FAILED:
-                too_long = self._crowded(kept[0])
-            self.restore(kept, mesh)
-            self.direction = direction
-            if too_long.any():
-                asked = qe, re, f, tolerance, limit, obstacles
-                more, split = self._step_on_split(q, F, too_long, asked)
-                spent += more
-                if split is not None:
-                    code, (q_new, F_new) = warm_step.ADVANCED, split
-            return code, iterations + spent, q_new, F_new
-        sunk, before = self.sunk(q_new, F_new, obstacles), (self.qe, self.re, self.f, self.obstacles)
-        followed, found_on, self.found_on = self.followed, self.found_on, None
-        self.set_conditions(qe, re, f, obstacles)
+            code = warm_step.NOT_CONVEX
+        return code, turned
+
+    def _take(
+        self, step: Step, found: Solved, turned: float, rotated: float, landing: Landing | None, forked: bool
+    ) -> tuple[int, int, np.ndarray, np.ndarray]:
+        """Take a step that was solved, on a new mesh if its contacts need one; as `step_in_contact`.
+
+        turned, rotated: see `_judged`; `landing`: what came down; `forked`: see `Rod.forked`.
+        """
+        q, F, iterations = found.q, found.F, found.iterations
+        sunk, conditions = self.sunk(q, F, step.obstacles), (self.qe, self.re, self.f, self.obstacles)
+        followed, found_on, was_loaded = self.followed, self.found_on, self.loaded
+        self.set_conditions(*step.ends, step.obstacles)
+        self.found_on = None
         if not self.tentative:
             if not self.trial:  # a medium's drag is none of the cable's forces
-                self.follow(distance, F, F_new, landing)
-            if distance > STILL:
-                note_slip(self.points, self.count, distance)
+                self.follow(step.distance, step.F, F, landing)
+            if step.distance > STILL:
+                note_slip(self.points, self.count, step.distance)
         self.forked = self.forked or forked
-        self.rotation_before, self.rotation = rotation, turned if same else 0.0
+        self.rotation_before = self.rotation + rotated
+        self.rotation = turned if self.count == step.kept[1] else 0.0
         # factors that this step has made are those of an iteration, not of where it ends
+        presses = float(np.linalg.norm(F - step.F)) / EULER
         self.loaded = presses if self.rotation == 0.0 else was_loaded + presses
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         left_unstable = False
-        if remesh and (sunk or (moved and not self._remeshing.waits)):
-            finer = self._remesh(q_new, F_new, iterations, tolerance, sunk)
+        if step.remesh and (sunk or (found.moved and not self._remeshing.waits)):
+            finer = self._remesh(q, F, iterations, step.tolerance, sunk)
             if finer is not None:
                 self._remeshing.reset()
                 return finer
             self._remeshing.tried()
-            if not sunk and self.refactor(q_new, F_new):
-                return code, iterations, q_new, F_new
+            if not sunk and self.refactor(q, F):
+                return warm_step.ADVANCED, iterations, q, F
             left_unstable = not sunk
-        if moved and remesh:
+        if found.moved and step.remesh:
             self._remeshing.skip()
         if self.bare:  # what it does against a drag is judged with it
-            self.linearize(q_new, F_new)
+            self.linearize(q, F)
             left_unstable = not self.factor(self.drag)
         elif self.loaded > LOADED * self.margin and self.model == FRICTIONLESS:
-            left_unstable, self.loaded = not self.refactor(q_new, F_new), 0.0
+            left_unstable, self.loaded = not self.refactor(q, F), 0.0
         if sunk or left_unstable:
-            self.restore(kept, mesh)
-            self.set_conditions(*before)
-            self.direction, self.ready, self.followed = direction, False, followed
+            self._back_to((step.kept, step.mesh, step.direction))
+            self.set_conditions(*conditions)
+            self.ready, self.followed = False, followed
             self.loaded, self.found_on = was_loaded, found_on
             code = warm_step.NOT_CONTRACTING if sunk else warm_step.NOT_CONVEX
-            return code, iterations, q_new, F_new
-        self.settled = q_new
-        return code, iterations, q_new, F_new
+            return code, iterations, q, F
+        self.settled = q
+        return warm_step.ADVANCED, iterations, q, F
 
-    def _takes_side(
-        self, mesh: Mesh, q: np.ndarray, q_new: np.ndarray, qe: np.ndarray, re: np.ndarray
-    ) -> bool:
-        """See `takes_side`, from q (n, 4) on `mesh` to q_new (n, 4), whose nodes have moved along."""
-        now = Mesh(self.mesh.element, self.h.copy())
-        return takes_side(mesh.interpolate(q, GRID), now.interpolate(q_new, GRID), qe, re, self.f)
-
-    def _is_even(self, q: np.ndarray, re: np.ndarray) -> bool:
-        """See `is_even`; q (n, 4) at the nodes as they have moved."""
-        return is_even(Mesh(self.mesh.element, self.h).interpolate(q, GRID), re)
-
-    def _crowded(self, before: np.ndarray) -> np.ndarray:
-        """(m,) which elements have less than a boundary for each end of a patch of a step that failed.
-
-        Those beside these ends and the contacts before it, if any end goes without: there the shear force can
-        have no jump, and contact forces of either sign take its place.
-
-        Args:
-            before: (k, COLUMNS) the contact points before it.
-        """
-        points = self.points[: self.count]
-        without = points[(points[:, KIND] >= FIRST) & (points[:, INTERFACE] < 0.0), ARC_LENGTH]
-        if not len(without):
-            return np.zeros(len(self.h), bool)
-        s = np.concatenate([without, before[before[:, KIND] != SAMPLE, ARC_LENGTH]])[:, None]
-        ends = np.cumsum(self.mesh.lengths)
-        near = (s >= ends - self.mesh.lengths - CLOSEST) & (s <= ends + CLOSEST)
-        return np.asarray(near.any(axis=0))
+    def _too_long(self, step: Step, code: int, sided: bool) -> np.ndarray:
+        """(m,) which elements are to be halved before a step that failed is tried again: none if none is."""
+        if step.remesh and sided:
+            # the mesh, which patches draw to them, may have taken the side
+            return np.full(len(self.h), np.abs(self.h - self.h[::-1]).max() > UNEVEN)
+        if step.remesh and self.model == FRICTIONLESS and code in FAILED:
+            return self._crowded(step.kept[0])
+        return np.zeros(0, bool)
 
     def _step_on_split(
-        self, q: np.ndarray, F: np.ndarray, which: np.ndarray,
-        asked: tuple[np.ndarray, np.ndarray, np.ndarray, float, float, np.ndarray],
-    ) -> tuple[int, tuple[np.ndarray, np.ndarray] | None]:  # fmt: skip
-        """`step_in_contact` on the mesh with some elements halved: iterations, and where it led, if it did.
-
-        Args:
-            q, F: frames and end force of the last equilibrium.
-            which: (m,) which elements.
-            asked: of `step_in_contact`, from the end frame to the obstacles.
-        """
+        self, step: Step, which: np.ndarray
+    ) -> tuple[int, tuple[np.ndarray, np.ndarray] | None]:
+        """The step on the mesh with the elements `which` (m,) halved: iterations, and where it led."""
         put_back, direction = self.kept(), self.direction
-        fresh = self._onto(self.mesh.split(which), q)
-        code, spent, q_new, F_new = self.correct(fresh, F, asked[3], 0.6, remesh=False)
+        fresh = self._onto(self.mesh.split(which), step.q)
+        code, spent, q, F = self.correct(fresh, step.F, step.tolerance, 0.6, remesh=False)
         if code == warm_step.ADVANCED:
-            code, more, q_new, F_new = self.step_in_contact(q_new, F_new, *asked, remesh=False)
+            asked = *step.ends, step.tolerance, step.limit, step.obstacles
+            code, more, q, F = self.step_in_contact(q, F, *asked, remesh=False)
             spent += more
         if code == warm_step.ADVANCED:
-            return spent, (q_new, F_new)
+            return spent, (q, F)
         put_back()
-        self.refactor(q, F)  # the finer mesh had its own factors
+        self.refactor(step.q, step.F)  # the finer mesh had its own factors
         self.direction = direction
         return spent, None
 
     def _begin_soft(
-        self, q: np.ndarray, F: np.ndarray, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...],
-        failed: Solved, distance: float, before: tuple[Any, Mesh],
-    ) -> tuple[int, Solved]:  # fmt: skip
+        self, step: Step, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...], failed: Solved
+    ) -> tuple[int, Solved]:
         """Solve a step that has failed once more, with a stick that is soft at first, as firm as ever then.
 
         Points of a rod that is tentative stay a little soft: where they come to rest, a step may have no
         solution in which each sticks or slips.
 
         Args:
-            q, F, goal, factors: as of `_newton`.
+            step: the step.
+            goal, factors: as of `_newton`.
             failed: what that returned.
-            distance: length of the step, L; 0 without friction.
-            before: the `state` and the mesh before it.
 
         Returns:
             Iterations in vain, and what the last attempt ended in.
         """
-        touched = distance <= SHORT if self.tentative else before[0][1] > 0
-        too_long = failed[0] == REVERSES and distance > SLOW_REVERSAL
+        distance, count = step.distance, step.kept[1]
+        touched = distance <= SHORT if self.tentative else count > 0
+        too_long = failed.code == REVERSES and distance > SLOW_REVERSAL
         if self.creeps or self.model != COULOMB or not (self.lies or touched) or too_long:
             return 0, failed
         stays_soft = self.tentative and not self.lies
-        self.restore(*before)
+        self.restore(step.kept, step.mesh)
         softest, asked, self.ready = max(distance, LEAST_SOFT), self.presliding, False
         if stays_soft:
             self.presliding = max(asked, STAYS_SOFT * softest)
-        found = self._newton(q, F, goal, factors, softest)
+        found = self._newton(step.q, step.F, goal, factors, softest)
         self.presliding = asked
-        if self.count > before[0][1] and distance > LANDED_AT_ONCE:
-            found = (warm_step.NOT_CONTRACTING, *found[1:])  # in which order it lands matters
-        return failed[1], found
+        if self.count > count and distance > LANDED_AT_ONCE:
+            # in which order it lands matters
+            found = found._replace(code=warm_step.NOT_CONTRACTING)
+        return failed.iterations, found
 
     def _holds_alone(self) -> bool:
         """Whether the last solve dropped one of two mirror images, and the other one holds the cable."""
@@ -539,9 +426,6 @@ class ActiveSetRod(FrictionalRod):
             factors: `Factors`.
             softest: see `contact_state.Options`.
 
-        Returns:
-            How it ended, iterations, whether another mesh would hold the points better, rotation since the
-            last factorisation and in the tangent step, rad, and the new (q, F).
         """
         conditions, obstacles, control = goal
         known = self.ready, self.settled is q
@@ -559,48 +443,11 @@ class ActiveSetRod(FrictionalRod):
         except np.linalg.LinAlgError:
             code, iterations, moved, turned, foreseen = warm_step.NOT_CONTRACTING, 0, False, np.inf, 0.0
         self.spend(iterations)
-        return code, iterations, moved, turned, foreseen, q_new, F_new
+        return Solved(code, iterations, moved, turned, foreseen, q_new, F_new)
 
     def touched(self) -> tuple[np.ndarray, np.ndarray]:
         """Obstacles (k,) of the contact points, and normals (k, 3) there."""
         return self.points[: self.count, OBSTACLE].copy(), self.normals[: self.count].copy()
-
-    def _reverse(
-        self, q: np.ndarray, F: np.ndarray, re: np.ndarray, tolerance: float, limit: float
-    ) -> tuple[int, int, np.ndarray, np.ndarray]:
-        """Turn mobilised friction against the end's new direction, in steps if that turns back."""
-        motion = re - self.re
-        size = float(np.linalg.norm(motion))
-        before, after = self.direction, motion / max(size, 1e-300)
-        if size < 1e-12:
-            return warm_step.ADVANCED, 0, q, F
-        if self.count and before @ after <= 0.0 and self.obstacles is not None:
-            return self.mobilise(q, F, before, after, tolerance, limit)
-        self.direction = after
-        return warm_step.ADVANCED, 0, q, F
-
-    def mobilise(
-        self, q: np.ndarray, F: np.ndarray, before: np.ndarray, after: np.ndarray, tolerance: float,
-        limit: float,
-    ) -> tuple[int, int, np.ndarray, np.ndarray]:  # fmt: skip
-        """Lead friction that is mobilised against `before` through zero to that against `after`, both (3,).
-
-        Returns code, iterations and equilibrium as `step_in_contact`. Where friction turns the cable over,
-        there is none with all of it.
-        """
-        at, step, spent = -1.0 if before.any() else 0.0, TURN, 0
-        while at < 1.0:
-            there = min(at + step, 1.0)
-            self.direction = -there * before if there < 0.0 else there * after
-            code, iterations, q_new, F_new = self.correct(q, F, tolerance, limit, remesh=False)
-            spent += iterations
-            if code == warm_step.ADVANCED:
-                q, F, at, step = q_new, F_new, there, 2.0 * step
-                continue
-            step *= 0.5
-            if step < LEAST_TURN:
-                return code, spent, q, F
-        return warm_step.ADVANCED, spent, q, F
 
     def _remesh(
         self, q: np.ndarray, F: np.ndarray, iterations: int, tolerance: float, sunk: bool
