@@ -231,6 +231,16 @@ def test_a_cable_that_falls_off_a_ball_falls_to_the_side_that_it_would_fork_to()
     assert abs(ends[0][1]) > 0.5  # N; 0 in the plane
 
 
+def test_a_twisted_cable_falls_to_the_side_of_a_rule_however_it_is_told() -> None:
+    """Half a turn about the vertical is lost as it untwists: its axis was read from an uneven shape."""
+    case, ends = drawn_case(188, 240, 1e-4), []
+    for count in (1, 4):
+        found = answers(case, refined(case.path, count))
+        assert found[-1].status is Status.SNAPPED
+        ends.append(found[-1].end_wrench)
+    assert_alike(ends)
+
+
 def test_steps_that_were_halved_show_a_fold() -> None:
     """The margins before it lie as far apart as the last step is long, but for the last bit: one of them was
     left out, nothing else told of the fold, and the branch was said to be lost.

@@ -197,15 +197,31 @@ def test_smooth_scenes_at_any_rate(key: tuple[int, int], rate: float, poses: int
     assert {one.status for one in found} <= {Status.CONVERGED, Status.SNAPPED}
 
 
-@pytest.mark.parametrize(("index", "rate"), [(13, 1000), (100, 500), (198, 1000)])
-def test_a_lift_laid_down_at_any_rate_lies_up_to_its_clamp(index: int, rate: float) -> None:
-    """Many small steps left it 1e-8 lengths above the ground before the clamp, or below, up to 4 % off."""
-    case = drawn_case(28, index, 1e-4)
+@pytest.mark.parametrize(
+    ("key", "rate"), [((28, 13), 1000), ((28, 100), 500), ((28, 198), 1000), ((30, 105), 500)]
+)
+def test_a_lift_laid_down_at_any_rate_lies_up_to_its_clamp(key: tuple[int, int], rate: float) -> None:
+    """Many small steps left it 1e-8 lengths above the ground before the clamp, or below, up to 4 % off; or
+    lost it in the last one, of 4e-7 lengths, each part of which took 25 iterations.
+    """
+    case = drawn_case(*key, 1e-4)
     last = []
     for path in (in_states(corners(case), 8), at_rate(corners(case), rate, 0.5)):
         tracker = Tracker(case_scene(case))
         last.append([tracker.arrive(joints)["cable"] for joints in path][-1:])
+    assert {one.status for (one,) in last} == {Status.CONVERGED}
     assert apart(*last) < 1e-3
+
+
+def test_what_sticks_in_a_corner_rolls_there_and_back_in_few_states() -> None:
+    """It rolled by 0.03 lengths a step, whose second order stayed as friction: 1.4 % of the end force."""
+    case = drawn_case(30, 73, 1e-4)
+    last = []
+    for states in (2, 32):
+        tracker = Tracker(case_scene(case))
+        last.append([tracker.arrive(joints)["cable"] for joints in in_states(corners(case), states)][-1:])
+    assert not any(contact.sliding for (one,) in last for contact in one.contacts)
+    assert apart(*last) < 2e-3
 
 
 @pytest.mark.parametrize(

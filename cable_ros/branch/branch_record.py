@@ -40,6 +40,7 @@ class Loss:
     no longer depends on the forgotten history, if the real cable slips, too. The tracked cable started from
     zero friction and slips after some motion. The real one, at worst from the opposite limit of the friction
     cone, slips after at most twice that motion. Hence all points must go on slipping for as long a motion.
+    Where across its slip a point is depends on the past all the same: see `PathError.of_slip`.
     """
 
     cause: str
@@ -90,22 +91,18 @@ class Loss:
 
 @dataclass(frozen=True)
 class GridHistory:
-    """Friction's history that was computed on a grid of contacts: its error, and the motion since."""
+    """Friction's history that was computed on a grid of contacts."""
 
     error: float
-    """Relative error of the end wrench."""
-    since: Loss = Loss("", history=True)
-    """The motion since, counted as after a loss."""
+    """Its relative error of the end wrench."""
 
-    def after_motion(self, motion: float, touches: bool, slips: bool, step: bool) -> GridHistory | None:
-        """As `Loss.after_motion`; None once friction no longer depends on that history.
+    def after_motion(self, motion: float, touches: bool) -> GridHistory | None:
+        """After a `motion`, L or rad, to a pose where it `touches`; None where it does not.
 
-        The error fades as on a grid whose steps are as long as they may be.
+        The error fades as on a grid whose steps are as long as they may be. That every contact slips ends it
+        no sooner: where across its slip a point is depends on the past, too.
         """
-        since = self.since.after_motion(motion, slips, step)
-        if since.resolved or not touches:
-            return None
-        return GridHistory(self.error * FADING ** (motion / STEP), since)
+        return GridHistory(self.error * FADING ** (motion / STEP)) if touches else None
 
 
 @dataclass(frozen=True)

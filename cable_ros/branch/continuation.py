@@ -20,6 +20,8 @@ HASTY_WORK = 20_000
 """The same if such a rod was replaced a while ago."""
 SHORT = 0.02
 """Maximum step, as a fraction of the longest, that counts as short; see `descend_instead`."""
+TINY = 1e-6
+"""Length of a step, L, that counts as short, too."""
 IN_A_ROW = 3
 """Number of steps after which a longer one is tried although each took many iterations."""
 FULL = 0.9
@@ -94,7 +96,7 @@ def _go_on(walk: Walk) -> End | None:
     if far > (1.0 + 2.0 * LITTLE) * at_once:
         walk.step = max(_even_step(far / length / at_once, 1.0 - walk.at), 0.1 * length)
         return None
-    rod.short = walk.step <= SHORT * walk.longest
+    rod.short = walk.step <= SHORT * walk.longest or far < TINY
     may_tighten = walk.was_taut and (walk.slackens or walk.first >= AS_GOOD_AS_TAUT)
     put_back = rod.kept() if may_tighten else None
     each = rod.iteration_work  # a step that fails may leave more rows behind

@@ -144,11 +144,12 @@ class TrackedEquilibrium(CableModel):
         touching = rod.touches
         motion, slips = relative_motion(before, conditions_of(rod)), touching and rod.all_slip
         if self._grid_history is not None:
-            self._grid_history = self._grid_history.after_motion(motion, touching, slips, step)
+            self._grid_history = self._grid_history.after_motion(motion, touching)
         if loss is None:
             return
         loss = loss.after_motion(motion, slips, step)
         if loss.resolved or (not touching and loss.search_due and self._is_unique(rod, free(loss))):
+            rod.slip_anew()
             self._record = BranchRecord()
             return
         searched = not touching and loss.search_due
@@ -292,7 +293,7 @@ class TrackedEquilibrium(CableModel):
         if converged and error > self.tolerance:
             rod = self._rod
             assert rod is not None
-            of_contact = ON_GRID if rod.on_grid or self._grid_history is not None else AT_SAMPLES
+            of_contact = ON_GRID if rod.on_grid or self._earlier_error >= self._estimate else AT_SAMPLES
             message = f"{message[:-1]}{(of_contact if error <= self._error else IN_STEPS).format(error)}"
         if converged and self._margin < FREE_TO_TURN:
             message = FREE
@@ -387,9 +388,7 @@ class TrackedEquilibrium(CableModel):
             apart = handover.apart(rod, found.rod, found.F)
             if apart > self._estimate:
                 return  # its friction is not that of the grid
-            # friction of points that slip follows from the motion; what sticks keeps the grid's error as well
-            error = apart + (0.0 if found.rod.all_slip else rod.twin_error)
-            self._keep_grid_error(error)
+            self._keep_grid_error(apart + rod.twin_error)
         self._take(found, self._joints)
 
     def _finer(self) -> None:

@@ -12,7 +12,7 @@ from cable_ros.contact.fixed_set import FixedSetRod
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS, SLIDING
 from cable_ros.contact.laying_down import Landing
 from cable_ros.contact.patches import SAMPLES
-from cable_ros.contact.path_error import NONE, STILL
+from cable_ros.contact.path_error import NONE, STILL, PathError
 from cable_ros.contact.points import (
     ARC_LENGTH,
     BEFORE,
@@ -30,7 +30,7 @@ from cable_ros.contact.points import (
     SLIPS,
     WAS,
 )
-from cable_ros.contact.slip_kernels import slip_bend, slip_change, slip_missed
+from cable_ros.contact.slip_kernels import farthest_roll, slip_bend, slip_change, slip_missed
 from cable_ros.contact.travel import (
     CONTACT_STEP,
     FORCE_BEND,
@@ -40,6 +40,7 @@ from cable_ros.contact.travel import (
     LYING_CHANGE,
     LYING_STEP,
     POINTS_CHANGE,
+    ROLLED,
     SHORTER,
     SLIP_MISSED,
     TAUT,
@@ -176,6 +177,11 @@ class FrictionalRod(FixedSetRod):
         if self.model == COULOMB and self.frictional:
             self.followed = self.followed.not_followed(self._possible_friction())
 
+    def slip_anew(self) -> None:
+        """Let the `PathError` be that of what slips after all was unknown."""
+        if self.model == COULOMB and self.frictional:
+            self.followed = PathError.of_slip(self._possible_friction())
+
     def _possible_friction(self, held: bool = False) -> float:
         """Sum of the friction that its contacts can bear, EI / L^2; `held`: those that stick.
 
@@ -238,6 +244,7 @@ class FrictionalRod(FixedSetRod):
         at_point = stopped or (landed and self._has_new_point() and bool((before[:, SLIPS] == 1.0).any()))
         if stopped and slack:
             longest = min(longest, stride(missed, SLIP_MISSED))
+        longest = min(longest, stride(farthest_roll(self.points, self.count), ROLLED))
         if landed or stopped or (self.has_patch and slack):
             larger = max(float(np.linalg.norm(F)), force, self.least)
             change = float(np.linalg.norm(F_new - F)) / larger

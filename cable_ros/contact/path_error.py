@@ -59,6 +59,14 @@ class PathError:
         unknown, slid = self.unknown / scale, self.slid / scale
         return PathError(self.error / scale, rate, self.possible / scale, unknown, slid)
 
+    @staticmethod
+    def of_slip(possible: float) -> PathError:
+        """Where points slip whose friction was forgotten: it has its size, and where they are across their
+        slip depends on the past. So the end force was up to 2.4 % off; SLID_PART of the friction was two to
+        ten times that, and FADES slower than it did. `possible` as in `after_step`.
+        """
+        return PathError(SLID_PART * possible, None, possible)
+
     def not_followed(self, possible: float) -> PathError:
         """After a part of the path that was not followed; `possible` as in `after_step`."""
         return PathError(self.error, None, possible, possible)

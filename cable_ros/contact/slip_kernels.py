@@ -13,6 +13,7 @@ from cable_ros.compilation import LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.friction_kernels import AT_REST
 from cable_ros.contact.points import (
+    ARC_LENGTH,
     BEFORE,
     FORCE,
     FRICTION,
@@ -23,6 +24,7 @@ from cable_ros.contact.points import (
     SLIP_BEFORE,
     SLIPS,
     STEP_BEFORE,
+    WAS,
 )
 
 FOLLOWED = 0.3
@@ -67,6 +69,19 @@ def slip_missed(points, count, step):
         if (1.0 + 2.0 * ratio) * along <= (ratio * norm(slid)) ** 2:
             missed = max(missed, 0.5 * ratio * norm(slid))
     return missed
+
+
+@njit(**LEAF_ENTRY)
+def farthest_roll(points, count):
+    """The longest way along the cable that a point which sticks has rolled in a step, L.
+
+    points, count: as in `note_slip`.
+    """
+    most = 0.0
+    for i in range(count):
+        if points[i, KIND] == POINT and points[i, SLIPS] == 0.0 and points[i, WAS] > 0.0:
+            most = max(most, abs(points[i, ARC_LENGTH] - points[i, WAS]))
+    return most
 
 
 @njit(**LEAF_ENTRY)

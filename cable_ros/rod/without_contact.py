@@ -187,6 +187,9 @@ class WithoutContact:
     def follow_nothing(self) -> None:
         """Note that a part of the path could not be followed; see `FrictionalRod`."""
 
+    def slip_anew(self) -> None:
+        """Note that all slips, though what it did before was forgotten; see `FrictionalRod`."""
+
     def contact_changed(self) -> bool:
         """Whether `friction_error` should be asked again; see `FixedSetRod`."""
         return False
