@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.branch.refinement import MOST_ELEMENTS, afresh, better_mesh, on_mesh, refine, without_slivers
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium
 from cable_ros.branch.tracked_equilibrium import conditions_of
-from cable_ros.branch.walk import VERY_TAUT, End
+from cable_ros.branch.walk import VERY_TAUT, Continuation, End, Path
 from cable_ros.contact.friction_kernels import COULOMB, SLIDING
 from cable_ros.contact.shortest_path import gets_taut
 from cable_ros.contact.travel import travel
@@ -85,6 +85,40 @@ AFTER_FALL = 0.25
 ORIGIN = np.array([0.0] * 6 + [1.0])
 """A start clamp there: x y z, quaternion x y z w."""
 POSE_LEFT_OUT = "a pose asked for before could not be reached, and friction depends on the path"
+
+
+class Way(NamedTuple):
+    """The way to a pose, and the cable before it."""
+
+    kinematics: Kinematics
+    number: int
+    """Of the cable."""
+    joints: np.ndarray
+    """Joint values of the pose."""
+    poses: np.ndarray
+    """Of the clamps there."""
+    begin: float
+    """When the call began, s."""
+    path: Path
+    within: Conditions | None
+    """At the pose, if there are obstacles and its clamps are near enough."""
+    rod: Rod
+    before: Conditions
+    """Where the rod is."""
+    shape: tuple[Mesh, np.ndarray]
+    """Its mesh, and nodal frames (n, 4)."""
+    longest: float
+    """Maximum step, fraction of the way; so is the next one."""
+    first: float
+    """The first step."""
+    share: float
+    """Part of the longest step that the call before has left."""
+    way_back: float
+    """The same of a cable that is taut."""
+    fell: bool
+    """Whether it is falling."""
+    untried: bool
+    """Whether no step has been tried yet, for one to the pose itself has used the budget up."""
 
 
 class FollowedEquilibrium(SearchedEquilibrium):
@@ -241,7 +275,7 @@ class FollowedEquilibrium(SearchedEquilibrium):
             return TAUT.format(*told)
         return RISES.format(*told, float(np.linalg.norm(self._F)) * self._units.force)
 
-    def _gets_taut(self, rod: Rod, path: Callable[[float], Conditions], at: float) -> bool:
+    def _gets_taut(self, rod: Rod, path: Path, at: float) -> bool:
         """See `gets_taut`, from the present equilibrium to the end of the path."""
 
         def there(t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -274,95 +308,103 @@ class FollowedEquilibrium(SearchedEquilibrium):
         ):
             return self.failed(Status.OUT_OF_REACH, obstruction, time.perf_counter() - begin)
         rod.refactor(self._q, self._F)
-        origin, before, start, shape = self._joints, conditions_of(rod), rod, (rod.mesh, self._q)
+        origin = self._joints
 
         def path(t: float) -> Conditions:
             there = origin + t * (joints - origin)
-            return self._conditions(kinematics, there, kinematics.poses(there)[index], start.qe)
+            return self._conditions(kinematics, there, kinematics.poses(there)[index], rod.qe)
 
-        distance = largest_difference(joints, origin)
-        longest = LONGEST / max(distance, LONGEST)
-        fallback = self._on_grid if rod.replaceable else None
-        fell, share = rod.falling is not None, self._share
-        way_back, self._share, self._way_back = self._way_back, 1.0, 1.0
-        first = longest * min(rod.stride, rod.first_stride, share, way_back)
-        tolerance = ALGEBRAIC * self.tolerance
+        longest = LONGEST / max(largest_difference(joints, origin), LONGEST)
+        shares, self._share, self._way_back = (self._share, self._way_back), 1.0, 1.0
+        first = longest * min(rod.stride, rod.first_stride, *shares)
         untried = rod.work <= 0.0 < self._budget  # one step to the pose itself has used it up
-        result = continue_branch(
-            rod, self._q, self._F, path, tolerance, first, longest, fallback,
-            lying_work=FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK,
-            taut_force=self._taut_force, may_turn=self._ends is None, slackens=way_back < 1.0,
+        way = Way(
+            kinematics, index, joints, poses, begin, path, there if within else None, rod, conditions_of(rod),
+            (rod.mesh, self._q), longest, first, *shares, rod.falling is not None, untried,
         )  # fmt: skip
-        self._rod = rod = result.rod
-        # continue from where it ended, maybe on another rod
+        result = continue_branch(
+            rod, self._q, self._F, path, ALGEBRAIC * self.tolerance, first, longest,
+            self._on_grid if rod.replaceable else None,
+            lying_work=FALLBACK_LYING_WORK if self._grid_history is None else HASTY_WORK,
+            taut_force=self._taut_force, may_turn=self._ends is None, slackens=way.way_back < 1.0,
+        )  # fmt: skip
         reached = joints if result.end is End.ARRIVED else origin + result.at * (joints - origin)
-        self._q, self._F, self._joints = result.q, result.F, reached
+        self._take_result(way, result, reached)
+        progressed = self._progressed(way, result)
+        if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
+            return self._on_the_way(way, result, reached)
+        return self._ended(way, result, reached)
+
+    def _take_result(self, way: Way, result: Continuation, reached: np.ndarray) -> None:
+        """Take the equilibrium in which a continuation ended, maybe on another rod, at these joints."""
+        self._rod, self._q, self._F, self._joints = result.rod, result.q, result.F, reached
         if result.fork is not None:
             self._record = self._record.after_fork(result.fork)
         self._record_snaps(result.snaps)
         if not any(snap.jumped for snap in result.snaps):
-            self._take_by_rule(*shape)
-            rod = self._rod
+            self._take_by_rule(*way.shape)
+
+    def _progressed(self, way: Way, result: Continuation) -> bool:
+        """Whether the next call may go on from there, if this one has not arrived; sets its share."""
+        rod = self._rod
+        assert rod is not None
         slow = rod.on_grid or rod.lies
         snapped = sum(snap.jumped for snap in result.snaps) if self._model == COULOMB else 0
         self._snapped = 0 if result.end is End.ARRIVED else self._snapped + snapped
         least = PROGRESS_LYING if slow else PROGRESS
-        progressed = result.at >= least * longest or any(snap.folded for snap in result.snaps)
+        progressed = result.at >= least * way.longest or any(snap.folded for snap in result.snaps)
         # another rod, another mesh, the rest of a fall, or a whole budget, may get farther
         falls = rod.falling is not None
         if falls:  # where it does not come to rest shorter steps may lead on
-            self._share = share if fell else AFTER_FALL * result.step / longest
-        progressed |= result.rod is not start or rod.work > 0.0 or falls or self._budget < self._full_budget
+            self._share = way.share if way.fell else AFTER_FALL * result.step / way.longest
+        progressed |= result.rod is not way.rod or rod.work > 0.0 or falls or self._budget < self._full_budget
         rough = LEAST_SHARE_ROUGH if rod.frictional else LEAST_SHARE
-        least_step = longest * (LEAST_SHARE_GRID if rod.on_grid else rough)
+        least_step = way.longest * (LEAST_SHARE_GRID if rod.on_grid else rough)
         # where friction turns over within 1e-5 lengths steps are as short, and grow again behind it
         self._crawled = self._crawled + 1 if not progressed and result.at > 0.0 else 0
         crawls = slow and 0 < self._crawled <= MOST_CRAWLS
-        goes_on = crawls or untried or least_step < result.step < first or (fell and not falls)
+        shortened = least_step < result.step < way.first
+        goes_on = crawls or way.untried or shortened or (way.fell and not falls)
         if not progressed and result.end is End.UNFINISHED and goes_on:
-            progressed, self._share = True, min(result.step / longest, share if fell else 1.0)
-        progressed &= self._snapped <= MOST_SNAPS
-        if result.end is End.ARRIVED or (result.end is End.UNFINISHED and progressed):
-            rod.refactor(self._q, self._F)
-            if self._remembers and not any(snap.jumped for snap in result.snaps):
-                self._add_motion(before, False, partial(self._free_twist, kinematics, index))
-            if result.end is End.ARRIVED:
-                self._afresh = False
-                return self._finish(
-                    Status.CONVERGED, Status.CONVERGED.sentence, result.iterations, poses, begin
-                )
-            if not falls:  # refine the mesh on a long path, too
-                there_poses = kinematics.poses(reached)[index]
-                self._finish(Status.UNFINISHED, "", result.iterations, there_poses, begin)
-            self._record = self._record.with_waiting(reached, joints)
-            unfinished = self.failed(
-                Status.UNFINISHED, Status.UNFINISHED.sentence, time.perf_counter() - begin
-            )
-            return replace(unfinished, iterations=result.iterations)
+            progressed = True
+            self._share = min(result.step / way.longest, way.share if way.fell else 1.0)
+        return progressed and self._snapped <= MOST_SNAPS
+
+    def _on_the_way(self, way: Way, result: Continuation, reached: np.ndarray) -> Equilibrium:
+        """The result of a continuation that has arrived, or goes on from the joints that it has reached."""
+        rod = self._rod
+        assert rod is not None
+        rod.refactor(self._q, self._F)
+        if self._remembers and not any(snap.jumped for snap in result.snaps):
+            self._add_motion(way.before, False, partial(self._free_twist, way.kinematics, way.number))
+        if result.end is End.ARRIVED:
+            self._afresh = False
+            sentence = Status.CONVERGED.sentence
+            return self._finish(Status.CONVERGED, sentence, result.iterations, way.poses, way.begin)
+        if rod.falling is None:  # refine the mesh on a long path, too
+            there = way.kinematics.poses(reached)[way.number]
+            self._finish(Status.UNFINISHED, "", result.iterations, there, way.begin)
+        return replace(self._unfinished(way, reached), iterations=result.iterations)
+
+    def _unfinished(self, way: Way, reached: np.ndarray) -> Equilibrium:
+        self._record = self._record.with_waiting(reached, way.joints)
+        seconds = time.perf_counter() - way.begin
+        return self.failed(Status.UNFINISHED, Status.UNFINISHED.sentence, seconds)
+
+    def _ended(self, way: Way, result: Continuation, reached: np.ndarray) -> Equilibrium:
+        """The result of a continuation that gets no farther: on a fresh mesh, taut, lost, or a cold start."""
+        rod, there = self._rod, way.within
+        assert rod is not None
         if result.end in (End.UNFINISHED, End.STUCK) and self._begin_afresh(rod, reached):
-            self._record = self._record.with_waiting(reached, joints)
-            later = Status.UNFINISHED
-            return self.failed(later, later.sentence, time.perf_counter() - begin)
-        if within and (too_short := self._too_short(there.obstacles, there.re)):
-            return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - begin)
-        force = float(np.linalg.norm(self._F))
-        # where so much rubs, steps may fail on the way back as well: the branch is kept
-        taut = result.end is End.TAUT or (rod.frictional and force > VERY_TAUT)
-        # a grid bends a taut cable too little to follow it farther, but it keeps the branch for the way back
-        if not self._passing and (taut or (rod.on_grid and within and force > TIGHT)):
-            longer = self._gets_taut(rod, path, result.at)
-            if taut:
-                self._taut_force = min(self._taut_force, force)
-                rod.follow_nothing()
-                if result.at == 0.0 and (rod.work <= 0.0 or way_back < 1.0):
-                    self._way_back = max(min(result.step / longest, way_back), LEAST_WAY_BACK)
-            if taut or longer:
-                message = self._taut(rod, result.at, longer)
-                return self.failed(Status.NOT_CONVERGED, message, time.perf_counter() - begin)
+            return self._unfinished(way, reached)
+        if there is not None and (too_short := self._too_short(there.obstacles, there.re)):
+            return self.failed(Status.OUT_OF_REACH, too_short, time.perf_counter() - way.begin)
+        if not self._passing and (taut := self._ended_taut(way, result)):
+            return self.failed(Status.NOT_CONVERGED, taut, time.perf_counter() - way.begin)
         if self._passing:
             # nobody asks for this pose any more: continue from here rather than from a cold start
             self._lose(POSE_LEFT_OUT)
-            seconds = time.perf_counter() - begin
+            seconds = time.perf_counter() - way.begin
             return self.failed(Status.NOT_CONVERGED, Status.NOT_CONVERGED.sentence, seconds)
         beyond = result.end is End.BEYOND_REACH
         why = "its clamps were farther apart than it is long" if beyond else "it could not be followed"
@@ -372,10 +414,27 @@ class FollowedEquilibrium(SearchedEquilibrium):
             # that friction has no history: where the next pose has an equilibrium with it, it is found
             self._turned_over += 1
             if self._turned_over <= PATIENT:
-                return self.failed(Status.NOT_CONVERGED, TURNED_OVER, time.perf_counter() - begin)
+                return self.failed(Status.NOT_CONVERGED, TURNED_OVER, time.perf_counter() - way.begin)
             why += " with all friction that friction_model: sliding asks for"
         cause = f"at {100 * result.at:.4g} % of a step {why}, and the pose was solved again from a cold start"
-        return self._cold(kinematics, joints, poses, begin, self._twist, cause)
+        return self._cold(way.kinematics, way.joints, way.poses, way.begin, self._twist, cause)
+
+    def _ended_taut(self, way: Way, result: Continuation) -> str:
+        """A sentence if the continuation ended since the cable is taut, else an empty one."""
+        rod, force = self._rod, float(np.linalg.norm(self._F))
+        assert rod is not None
+        # where so much rubs, steps may fail on the way back as well: the branch is kept
+        taut = result.end is End.TAUT or (rod.frictional and force > VERY_TAUT)
+        # a grid bends a taut cable too little to follow it farther, but it keeps the branch for the way back
+        if not (taut or (rod.on_grid and way.within is not None and force > TIGHT)):
+            return ""
+        longer = self._gets_taut(rod, way.path, result.at)
+        if taut:
+            self._taut_force = min(self._taut_force, force)
+            rod.follow_nothing()
+            if result.at == 0.0 and (rod.work <= 0.0 or way.way_back < 1.0):
+                self._way_back = max(min(result.step / way.longest, way.way_back), LEAST_WAY_BACK)
+        return self._taut(rod, result.at, longer) if taut or longer else ""
 
     def _begin_afresh(self, rod: Rod, joints: np.ndarray) -> bool:
         """Whether the present equilibrium, at `joints`, has got another mesh: the branch may go on there.

@@ -8,9 +8,8 @@ import numpy as np
 from cable_ros.branch.cold_start import Conditions, Found, Sought, carried, same
 from cable_ros.branch.end_for_end import end_for_end
 from cable_ros.contact.nodal_rod import NodalRod
-from cable_ros.contact.symmetry import GRID, GROWS, OUT, lost_symmetry
+from cable_ros.contact.symmetry import GRID, GROWS, OUT, lost_symmetry, side_of
 from cable_ros.rod import quaternion
-from cable_ros.rod.initial_shapes import side
 
 SYMMETRIC = 1e-9
 """Maximum distance of what is in the plane of symmetry from it, L: rounding of the joint values."""
@@ -90,7 +89,8 @@ def by_rule(found: Found, shape: np.ndarray, uneven: float = OUT) -> tuple[Found
     if image is None:
         return found, False
     image.rod.work, image.rod.patience, image.rod.short = rod.work, rod.patience, rod.short
-    return found if side_of(image) < side_of(found) else image, True
+    here, there = (side_of(one.rod.mesh, one.q) for one in (found, image))
+    return found if there < here else image, True
 
 
 def _leaves(shape: np.ndarray, found: np.ndarray, n: np.ndarray, most: float) -> bool:
@@ -101,11 +101,6 @@ def _leaves(shape: np.ndarray, found: np.ndarray, n: np.ndarray, most: float) ->
     uneven = float(np.abs(reflected(shape, n) - shape).max())
     grown = float(np.abs(reflected(found, n) - found).max())
     return uneven <= most and (uneven <= SAME_SHAPE or grown > GROWS * uneven)
-
-
-def side_of(one: Found) -> float:
-    """How far an equilibrium leads to SIDE, see `initial_shapes.side`."""
-    return side(one.rod.mesh.interpolate(one.q, GRID), GRID)
 
 
 def _on_its_grid(rod: NodalRod, n: np.ndarray) -> Found | None:

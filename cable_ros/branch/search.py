@@ -11,10 +11,10 @@ from cable_ros.branch import handover
 from cable_ros.branch.cold_start import Found, Sought, Starts, carried, same
 from cable_ros.branch.end_for_end import end_for_end
 from cable_ros.branch.falling import Falling
-from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry, side_of
+from cable_ros.branch.mirror_image import mirror_image, plane_of_symmetry
 from cable_ros.branch.paying_out import Led, Loading, PayingOut
 from cable_ros.branch.refinement import refine
-from cable_ros.contact.symmetry import REVERSED, Symmetry
+from cable_ros.contact.symmetry import REVERSED, Symmetry, side_of
 from cable_ros.equilibrium import Status
 
 EQUAL = 1e-11
@@ -163,5 +163,5 @@ def _in_turn(found: list[Found], target_twist: float | None, symmetric: bool = F
         return _equal(one, found[0], TWINS if symmetric else EQUAL) and apart <= 1e-3
 
     first = [one for one in found if alike(one)]
-    first.sort(key=lambda one: -side_of(one))
+    first.sort(key=lambda one: -side_of(one.rod.mesh, one.q))
     return first + [one for one in found if not alike(one)]

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.rod import quaternion
+from cable_ros.rod.elements import Mesh
+from cable_ros.rod.initial_shapes import side
 
 PLANAR, OUT, GROWS = 1e-8, 1e-3, 10.0
 """How far a planar shape is out of its plane, half the turn of a section, rad; what shows that a shape is not
@@ -102,6 +104,11 @@ def is_even(q: np.ndarray, re: np.ndarray) -> bool:
     tangents = quaternion.tangents(q)
     reflected, turned = tangents + tangents[::-1], tangents - tangents[::-1]
     return min(_off(reflected, _axis(re[None])), _off(turned, _axis(turned))) < NEARLY
+
+
+def side_of(mesh: Mesh, q: np.ndarray) -> float:
+    """How far the shape q (n, 4) on a mesh leads to SIDE, see `initial_shapes.side`."""
+    return side(mesh.interpolate(q, GRID), GRID)
 
 
 def _turned_about(

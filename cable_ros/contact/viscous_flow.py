@@ -19,10 +19,9 @@ import numpy as np
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.penalty_continuation import GRID
 from cable_ros.contact.symmetry import GRID as EVENLY
-from cable_ros.contact.symmetry import is_even
+from cable_ros.contact.symmetry import is_even, side_of
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh
-from cable_ros.rod.initial_shapes import side
 from cable_ros.rod.kirchhoff import Rod
 from cable_ros.rod.rod_state import ENERGY
 from cable_ros.rod.without_contact import SAME
@@ -205,8 +204,7 @@ def leaning(rod: Rod, q: np.ndarray) -> np.ndarray:
         return q
     rod._softest()  # which finds that mode
     ahead, back = (rod.on_end(rod.retract(q, lean * rod.mode)) for lean in (LEAN, -LEAN))
-    sides = [side(rod.mesh.interpolate(one, EVENLY), EVENLY) for one in (ahead, back)]
-    return ahead if sides[0] > sides[1] else back
+    return ahead if side_of(rod.mesh, ahead) > side_of(rod.mesh, back) else back
 
 
 def _rotations(mesh: Mesh, q: np.ndarray, mesh_new: Mesh, q_new: np.ndarray) -> np.ndarray:
