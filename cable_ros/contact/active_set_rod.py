@@ -25,6 +25,7 @@ from cable_ros.contact.remeshing_rod import State
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.slip_kernels import note_slip
 from cable_ros.contact.symmetry import GRID, is_even, leaves_plane, takes_side
+from cable_ros.contact.thin_patches import with_ends_alone
 from cable_ros.contact.travel import SHORTER, SHORTEST, travel
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh, end_bubbles
@@ -234,9 +235,11 @@ class ActiveSetRod(MobilisingRod):
         control = step.tolerance, step.limit, self.rotation, self.refactor_at
         goal, factors = (step.ends, step.obstacles, control), (self.A, self.L, self.pivots, Y, S)
         spent, found = 0, self._newton(step.q, step.F, goal, factors)
-        # a step against more drag costs less
-        if found.code in FAILED and self.drag == 0.0 and self.work > 0.0:
-            spent, found = self._begin_soft(step, goal, factors, found)
+        for again in (self._on_ends_alone, self._begin_soft):
+            # a step against more drag costs less
+            if found.code in FAILED and self.drag == 0.0 and self.work > 0.0:
+                more, found = again(step, goal, factors, found)
+                spent += more
         self.then = SAME
         return spent, found._replace(code=warm_step.TOO_FAR) if found.code == REVERSES else found
 
@@ -375,6 +378,20 @@ class ActiveSetRod(MobilisingRod):
         self.refactor(step.q, step.F)  # the finer mesh had its own factors
         self.direction = direction
         return spent, None
+
+    def _on_ends_alone(
+        self, step: Step, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...], failed: Solved
+    ) -> tuple[int, Solved]:
+        """Solve a step that has failed once more, without its thin patches; as `_begin_soft`."""
+        points = step.kept[0]
+        if self.model != COULOMB or self.creeps or (left := with_ends_alone(points)) is None:
+            return 0, failed
+        self.restore((left, len(left), *step.kept[2:]), step.mesh)
+        self.ready = False
+        found = self._newton(step.q, step.F, goal, factors)
+        if found.code == warm_step.ADVANCED:
+            return failed.iterations, found
+        return found.iterations, failed
 
     def _begin_soft(
         self, step: Step, goal: tuple[Any, ...], factors: tuple[np.ndarray, ...], failed: Solved
