@@ -240,8 +240,9 @@ class FrictionalRod(FixedSetRod):
         longest = stride(self._friction_change(q_new, F_new, obstacles, most), most)
         missed = slip_missed(self.points, self.count, distance)
         stopped = missed > 0.0
-        landed = self.count > len(before)
-        at_point = stopped or (landed and self._has_new_point() and bool((before[:, SLIPS] == 1.0).any()))
+        new = self._has_new_point()  # maybe in the place of one that was dropped on the way to the solution
+        landed = new or self.count > len(before)
+        at_point = stopped or (new and bool((before[:, SLIPS] == 1.0).any()))
         if stopped and slack:
             longest = min(longest, stride(missed, SLIP_MISSED))
         longest = min(longest, stride(farthest_roll(self.points, self.count), ROLLED))
