@@ -62,7 +62,7 @@ class PathError:
     @staticmethod
     def of_slip(possible: float) -> PathError:
         """Where points slip whose friction was forgotten: it has its size, and where they are across their
-        slip depends on the past. So the end force was up to 2.4 % off; SLID_PART of the friction was two to
+        slip depends on the past. So the end force was up to 2.7 % off; SLID_PART of the friction was two to
         ten times that, and FADES slower than it did. `possible` as in `after_step`.
         """
         return PathError(SLID_PART * possible, None, possible)
