@@ -15,7 +15,8 @@ from cable_ros.contact.contact_state import surface
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.gap_search import dips, far, minimum_beside, scan
 from cable_ros.contact.interfaces import SHARPER, at_edge, gap_at, lowest, sharpest_at
-from cable_ros.contact.patch_ends import ROOM, settle
+from cable_ros.contact.lift_off import settle
+from cable_ros.contact.patch_ends import ROOM
 from cable_ros.contact.patches import CLAMPED, SAMPLES, grounded, inside, make_patch, rests, sample
 from cable_ros.contact.points import (
     APART,
