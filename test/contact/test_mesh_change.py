@@ -12,7 +12,7 @@ from cable_ros import Status, Tracker, load_scene
 from cable_ros.bench.drawn import drawn_case
 from cable_ros.branch.cold_start import Found
 from cable_ros.branch.refinement import on_mesh
-from cable_ros.contact.active_set_rod import ActiveSetRod
+from cable_ros.contact.active_set_rod import ActiveSetRod, Solved
 from cable_ros.contact.points import ARC_LENGTH, INTERFACE, SLIPS
 from cable_ros.rod import warm_step
 from cable_ros.rod.elements import Mesh
@@ -130,10 +130,10 @@ def test_a_step_to_what_is_unstable_is_undone(monkeypatch: pytest.MonkeyPatch) -
     lengths, points = rod.h.copy(), rod.points[: rod.count].copy()
     before, there, newton = (rod.qe, rod.re, rod.f, rod.obstacles), rod.re + [1e-3, 0.0, 0.0], rod._newton
 
-    def asks_for_another_mesh(*of_newton: Any) -> tuple[Any, ...]:
-        code, iterations, _, *rest = newton(*of_newton)
-        assert code == warm_step.ADVANCED
-        return code, iterations, True, *rest
+    def asks_for_another_mesh(*of_newton: Any) -> Solved:
+        found = newton(*of_newton)
+        assert found.code == warm_step.ADVANCED
+        return found._replace(moved=True)
 
     monkeypatch.setattr(rod, "_newton", asks_for_another_mesh)
     monkeypatch.setattr(rod, "_remesh", lambda *_: None)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cable_ros.contact.contact_state import History
-from cable_ros.contact.detection import half_patch
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, WIDTH
+from cable_ros.contact.flattening import half_patch
 from cable_ros.contact.friction_kernels import COULOMB, STICK, stick_stiffness
 from cable_ros.contact.points import (
     BEFORE,

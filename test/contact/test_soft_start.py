@@ -14,7 +14,7 @@ from zoo_hose import sideways
 from cable_ros import Tracker, load_scene
 from cable_ros.bench.cases import case_scene
 from cable_ros.bench.drawn import drawn_case
-from cable_ros.contact.active_set_rod import FAILED, ActiveSetRod
+from cable_ros.contact.active_set_rod import FAILED, ActiveSetRod, Solved
 from cable_ros.rod.warm_step import ADVANCED, NOT_CONTRACTING
 
 PATH = known()["turned_9"]
@@ -39,14 +39,14 @@ class Solves:
 
         def solve(rod: ActiveSetRod, q: Any, F: Any, goal: Any, factors: Any, softest: float = 0.0) -> Any:
             if not (soft if softest > 0.0 else firm or not rod.lies):
-                return NOT_CONTRACTING, 0, False, np.inf, 0.0, q, F
+                return Solved(NOT_CONTRACTING, 0, False, np.inf, 0.0, q, F)
             points = not rod.lies
             found = newton(rod, q, F, goal, factors, softest)
             if softest > 0.0 and points:
-                self.soft_points.append(found[0])
-            (self.soft if softest > 0.0 else self.firm).append(found[0])
+                self.soft_points.append(found.code)
+            (self.soft if softest > 0.0 else self.firm).append(found.code)
             # as few iterations either way: steps are as long as these are few
-            return found if firm else (found[0], min(found[1], FEW), *found[2:])
+            return found if firm else found._replace(iterations=min(found.iterations, FEW))
 
         monkeypatch.setattr(ActiveSetRod, "_newton", solve)
 
