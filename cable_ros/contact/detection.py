@@ -60,7 +60,7 @@ LONG = 4.0
 
 
 @njit(**INNER)
-def update_active_set(shape, samples, obstacles, depth, give, points, count, phi, two):
+def update_active_set(shape, samples, obstacles, depth, give, points, count, phi):
     """Update the active set at a solution: drop what pulls, add what is inside an obstacle.
 
     Args:
@@ -72,7 +72,6 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
             touches, L.
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
         phi: (o, m) receives the gaps at the samples, L.
-        two: whether a rough point beside which the cable dips gets another one there, and no patch.
 
     Returns:
         Whether the set has changed, and the number of points.
@@ -135,11 +134,7 @@ def update_active_set(shape, samples, obstacles, depth, give, points, count, phi
                 continue
             if ends:
                 points[near, ARC_LENGTH], points[near, NUMBER] = s, points[near, NUMBER] + 1.0
-            elif (
-                near >= 0
-                and (smooth or not two)
-                and not at_edge(shape, points[near, ARC_LENGTH], s, obstacles[o])
-            ):
+            elif near >= 0 and not at_edge(shape, points[near, ARC_LENGTH], s, obstacles[o]):
                 # two minima closer than the spacing: the cable begins to lie on the surface
                 low, high = min(s, points[near, ARC_LENGTH]), max(s, points[near, ARC_LENGTH])
                 middle, force = points[near, ARC_LENGTH], points[near, FORCE]

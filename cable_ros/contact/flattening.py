@@ -5,30 +5,17 @@ from __future__ import annotations
 
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.contact_state import surface
-from cable_ros.contact.distance import FRICTION_COEFFICIENT
 from cable_ros.contact.interfaces import SHARPER, gap_at, lowest, sharpest_at
 from cable_ros.contact.patch_ends import ROOM
 from cable_ros.contact.patches import make_patch
-from cable_ros.contact.points import (
-    ARC_LENGTH,
-    BEFORE,
-    FORCE,
-    INTERFACE,
-    KIND,
-    OBSTACLE,
-    POINT,
-    SHIFT,
-    SWINGS,
-    space_at,
-)
-from cable_ros.linalg.copies import copy
+from cable_ros.contact.points import ARC_LENGTH, FORCE, KIND, OBSTACLE, POINT, SHIFT, SWINGS, space_at
 
 MANY = 3.0
 """Swings in a row of a point that becomes a patch."""
 
 
 @njit(**INNER)
-def flatten(shape, spacing, obstacles, give, points, count, two):
+def flatten(shape, spacing, obstacles, give, points, count):
     """Make patches of the points beside which the cable, more curved than the surface, dips too deep.
 
     Args:
@@ -37,7 +24,6 @@ def flatten(shape, spacing, obstacles, give, points, count, two):
         obstacles: (o, WIDTH).
         give: depth that is too deep, L.
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
-        two: whether such a point becomes two, if the obstacle is rough.
 
     Returns:
         Whether there are any, and the number of points.
@@ -67,31 +53,12 @@ def flatten(shape, spacing, obstacles, give, points, count, two):
             if space > 0.0:
                 half = min(half, ROOM * space)
                 points[i, ARC_LENGTH] = s
-                low, high = max(s - half, 0.0), min(s + half, 1.0)
-                if two and obstacles[o, FRICTION_COEFFICIENT] > 0.0:
-                    count = part(points, count, i, low, high)
-                else:
-                    count = make_patch(points, count, o, low, high)
-                    i = -1  # it has others' places now
+                count = make_patch(points, count, o, max(s - half, 0.0), min(s + half, 1.0))
                 changed = True
+                i = 0
+                continue
         i += 1
     return changed, count
-
-
-@njit(**LEAF)
-def part(points, count, i, low, high):
-    """Make two points of point i, at these arc lengths, L, with half of its force each; their number then.
-
-    `points`, `count`: as in `flatten`.
-    """
-    points[i, ARC_LENGTH], points[i, SWINGS] = low, 0.0
-    if count < points.shape[0]:
-        for a in range(FORCE, BEFORE + 3):
-            points[i, a] *= 0.5
-        copy(points[i], points[count])
-        points[count, ARC_LENGTH], points[count, INTERFACE] = high, -1.0
-        return count + 1
-    return count
 
 
 @njit(**LEAF)

@@ -63,9 +63,6 @@ IN_TURN, SHORT, STAYS, PULLS = 8, 1e4, 100.0, 5e-3
 cable by less than the first multiple of the tolerance, if they move it by less than the second, and nothing
 pulls by more than this part of the end force. Where it all but rests, beside a patch's end, it touches and
 does not, in turn, and only a finer mesh tells."""
-LATE, OFTEN = 15, 4
-"""Numbers of iterations, and of changes of the set, after which no rough point becomes a patch: on a ball
-hardly less curved than the cable one was a patch and a point in turn. Two points bear as the patch would."""
 LOOSE = 1e-2
 """Largest step, rad or over the end force, that ends the iterations where presliding is still halved."""
 REVERSES = 4
@@ -221,8 +218,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             changes = 0
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
             if not tangent:
-                two = model == COULOMB and iteration >= LATE
-                flattened, count = flatten(shape, spacing, obstacles, give, points, count, two)
+                flattened, count = flatten(shape, spacing, obstacles, give, points, count)
                 edged, count = meet_edges(shape, f, obstacles, spacing, (depth, give), points, count)
                 moved = not place_points(shape, obstacles, spacing, contacts, count, (F_new, f), strain)
                 released, count = release(shape, obstacles, points, count, False)
@@ -338,9 +334,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
             stays = stays and abs(F_new[a] - F_then[a]) <= ROUNDING * tolerance * scale
         slight = PULLS * scale
         if not (stays and may_stay(shape, samples, obstacles, 2.0 * give, points, count, slight, phi)):
-            two = model == COULOMB and revision >= OFTEN
             changed, count = update_active_set(
-                shape, samples, obstacles, left, give + step * rate, points, count, phi, two
+                shape, samples, obstacles, left, give + step * rate, points, count, phi
             )
         since = 0.0
         copy(F_new, F_then)
