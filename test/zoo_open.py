@@ -161,9 +161,9 @@ DRAWN = {
     (188, 791): "several bars: in a finer path a contact slides 1.4e-3 L the way its friction pushes",
     (188, 904): "an end wrench 1.9e-4 off at a pose that tells 4e-3",
     (188, 924): "a rough ball: point and patch in turn; a grid takes over, 11 % off, and two poses are lost",
+    (188, 945): "an end wrench 1.1e-4 off at a pose that tells 8e-4",
     (189, 356): "in a finer path a contact with the ground is said to stick and moves 4.7e-3 L",
     (189, 489): "an end wrench 2.2e-4 off at a pose that tells 1e-3",
-    (188, 945): "an end wrench 1.1e-4 off at a pose that tells 8e-4",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {
