@@ -67,6 +67,11 @@ class Conditions:
         return Conditions(qe / np.linalg.norm(qe), re, unit * np.round(self.f / unit), obstacles)
 
 
+def conditions_of(rod: Rod) -> Conditions:
+    """The conditions of the rod's last equilibrium."""
+    return Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+
+
 @dataclass(frozen=True, eq=False)
 class Sought:
     """A pose whose equilibrium is sought, in units of the cable."""

@@ -146,10 +146,7 @@ def _arrive(walk: Walk) -> End:
     snapped = snap_and_record(rod, walk.q, walk.F, walk.path, 0.0, [(walk.at, 0.0)], walk.tolerance, True)
     if snapped is None:
         return End.STUCK
-    found, snap, _ = snapped
-    walk.snaps.append(snap)
-    walk.iterations += found.iterations
-    walk.rod, walk.q, walk.F = found.rod, found.q, found.F
+    walk.take_snap(*snapped[:2])
     return End.ARRIVED
 
 

@@ -288,9 +288,7 @@ def _snaps(walk: Walk, crossed: bool) -> bool:
     found, snap, walk.at = snapped
     if len(walk.snaps) >= FREE_SNAPS:
         rod.work = min(rod.work, left - DESCENT_COST * found.iterations * rod.elastic.shape[0])
-    walk.snaps.append(snap)
-    walk.iterations += found.iterations
-    walk.rod, walk.q, walk.F = found.rod, found.q, found.F
+    walk.take_snap(found, snap)
     if snap.jumped:
         walk.margins.clear()  # of another branch
     return True

@@ -13,9 +13,8 @@ import numpy as np
 
 from cable_ros.branch.branch_record import Loss
 from cable_ros.branch.cable_model import CLAMP_DEPTH
-from cable_ros.branch.cold_start import Conditions, Found, equilibria
+from cable_ros.branch.cold_start import Conditions, Found, conditions_of, equilibria
 from cable_ros.branch.continuation import FALLBACK_LYING_WORK, HASTY_WORK, LITTLE, continue_branch
-from cable_ros.branch.held_equilibrium import conditions_of
 from cable_ros.branch.mirror_image import GRID, by_rule
 from cable_ros.branch.refinement import MOST_ELEMENTS, afresh, better_mesh, on_mesh, refine, without_slivers
 from cable_ros.branch.searched_equilibrium import IDENTITY, SearchedEquilibrium

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import LIMIT, Conditions, Found, Sought, first_mesh, settled
+from cable_ros.branch.cold_start import LIMIT, Found, Sought, conditions_of, first_mesh, settled
 from cable_ros.branch.refinement import LENIENT, refine
 from cable_ros.contact.friction_kernels import COULOMB, FRICTIONLESS
 from cable_ros.contact.grid_friction import Friction
@@ -145,7 +145,7 @@ def exact(
     if model != FRICTIONLESS and rod.rubs:
         return _with_friction(rod, tolerance) if model == COULOMB else None
     assert rod.obstacles is not None
-    conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    conditions = conditions_of(rod)
     first = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
     left = given = max(min(rod.work, EXACT_WORK), least)
     found = None
@@ -212,7 +212,7 @@ def centred(rod: NodalRod) -> NodalRod | None:
 def _lifted(rod: NodalRod, tolerance: float) -> Found | None:
     """As `exact`, of a cable that shears and touches nothing any more."""
     assert rod.obstacles is not None
-    conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    conditions = conditions_of(rod)
     mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
     given = min(rod.work, EXACT_WORK)
     new, q = _started(rod, mesh, tolerance, given)
@@ -227,7 +227,7 @@ def _lifted(rod: NodalRod, tolerance: float) -> Found | None:
 def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     """As `exact`. What sticks yields a little, so that friction stays that of the grid."""
     assert rod.obstacles is not None
-    conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    conditions = conditions_of(rod)
     mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
     given = min(rod.work, EXACT_WORK)
     new, q = _started(rod, mesh, tolerance, given)

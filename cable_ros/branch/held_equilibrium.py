@@ -11,7 +11,7 @@ import numpy as np
 from cable_ros.branch import results
 from cable_ros.branch.branch_record import BranchRecord, GridHistory, Loss, is_unique, relative_motion
 from cable_ros.branch.cable_model import CableModel
-from cable_ros.branch.cold_start import Conditions, Found
+from cable_ros.branch.cold_start import Conditions, Found, conditions_of
 from cable_ros.branch.snap_through import SnapThrough
 from cable_ros.branch.walk import VERY_TAUT
 from cable_ros.common.backoff import Backoff
@@ -146,8 +146,3 @@ class HeldEquilibrium(CableModel):
         self._estimate = np.inf  # not known yet
         found.rod.use_friction(self._model)  # it is factored without
         self._resolved = self.tolerance
-
-
-def conditions_of(rod: Rod) -> Conditions:
-    """The conditions of the rod's last equilibrium."""
-    return Conditions(rod.qe, rod.re, rod.f, rod.obstacles)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import Conditions, Found, Sought, carried, same
+from cable_ros.branch.cold_start import Conditions, Found, Sought, carried, conditions_of, same
 from cable_ros.branch.end_for_end import end_for_end
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.symmetry import GRID, GROWS, OUT, lost_symmetry, side_of
@@ -67,7 +67,7 @@ def _image(one: Found, n: np.ndarray) -> Found | None:
     if isinstance(rod, NodalRod):
         return _on_its_grid(rod, n)
     F = one.F - 2.0 * float(n @ one.F) * n
-    return carried(rod, q, F, Conditions(rod.qe, rod.re, rod.f, rod.obstacles))
+    return carried(rod, q, F, conditions_of(rod))
 
 
 def by_rule(found: Found, shape: np.ndarray, uneven: float = OUT) -> tuple[Found, bool]:

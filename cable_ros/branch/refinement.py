@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.branch.cold_start import Conditions, Found, first_mesh, same, settle
+from cable_ros.branch.cold_start import Found, conditions_of, first_mesh, same, settle
 from cable_ros.rod.elements import Mesh
 from cable_ros.rod.kirchhoff import Rod
 
@@ -48,7 +48,7 @@ def afresh(found: Found, tolerance: float) -> Found | None:
     A mesh that has followed contacts for long may be coarse where they come to next.
     """
     rod = found.rod
-    conditions = Conditions(rod.qe, rod.re, rod.f, rod.obstacles)
+    conditions = conditions_of(rod)
     again = on_mesh(found, first_mesh(conditions, found.twist, tolerance))
     if again is None:
         return None

@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_ros.branch.cable_tracker import CableTracker
-from cable_ros.branch.cold_start import Conditions
+from cable_ros.branch.cold_start import Conditions, conditions_of
 from cable_ros.branch.coupling import Ends, Section
 from cable_ros.branch.held_ends import ends_of
-from cable_ros.branch.held_equilibrium import conditions_of
 from cable_ros.branch.mirror_image import GRID
 from cable_ros.branch.results import Reader, Tangent, both_wrenches
 from cable_ros.branch.snap_through import FALL_WORK, snap_through

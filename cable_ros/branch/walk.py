@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cable_ros.branch.cold_start import Conditions
+from cable_ros.branch.cold_start import Conditions, Found
 from cable_ros.branch.snap_through import SnapThrough, fall_with_friction
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.travel import travel
@@ -154,6 +154,12 @@ class Walk:
             return False
         self.rod, self.q, self.F = replacement, replacement.shape, replacement.end_force
         return True
+
+    def take_snap(self, found: Found, snap: SnapThrough) -> None:
+        """Go on from where the cable has snapped to, maybe on another rod."""
+        self.snaps.append(snap)
+        self.iterations += found.iterations
+        self.rod, self.q, self.F = found.rod, found.q, found.F
 
     def fall(self, first: float, start: np.ndarray) -> bool:
         """Whether the cable falls from the shape `start` and rests, a step of `first` further on."""

@@ -15,12 +15,7 @@ from cable_ros.contact.letting_go import lets_go
 from cable_ros.contact.mobilising_rod import MobilisingRod
 from cable_ros.contact.newton import REVERSES, active_set_newton, iteration_work
 from cable_ros.contact.path_error import STILL
-from cable_ros.contact.points import (
-    FORCE,
-    NUMBER,
-    OBSTACLE,
-    SPARED,
-)
+from cable_ros.contact.points import FORCE, NUMBER, OBSTACLE, SPARED
 from cable_ros.contact.remeshing_rod import State
 from cable_ros.contact.report import coefficients, listed
 from cable_ros.contact.slip_kernels import note_slip

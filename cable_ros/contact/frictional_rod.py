@@ -28,9 +28,8 @@ from cable_ros.contact.points import (
     POINT,
     SAMPLE,
     SLIPS,
-    WAS,
 )
-from cable_ros.contact.slip_kernels import farthest_roll, slip_bend, slip_change, slip_missed
+from cable_ros.contact.slip_kernels import farthest_roll, has_new_point, slip_bend, slip_change, slip_missed
 from cable_ros.contact.travel import (
     CONTACT_STEP,
     FORCE_BEND,
@@ -240,7 +239,8 @@ class FrictionalRod(FixedSetRod):
         longest = stride(self._friction_change(q_new, F_new, obstacles, most), most)
         missed = slip_missed(self.points, self.count, distance)
         stopped = missed > 0.0
-        new = self._has_new_point()  # maybe in the place of one that was dropped on the way to the solution
+        # maybe in the place of one that was dropped on the way to the solution
+        new = has_new_point(self.points, self.count)
         landed = new or self.count > len(before)
         at_point = stopped or (new and bool((before[:, SLIPS] == 1.0).any()))
         if stopped and slack:
@@ -258,11 +258,6 @@ class FrictionalRod(FixedSetRod):
                 bend = float(np.linalg.norm(F_new - F - distance * rate)) / larger
                 longest = min(longest, stride(bend, FORCE_BEND))
         return longest
-
-    def _has_new_point(self) -> bool:
-        """Whether a point touches that did not at the last equilibrium."""
-        points = self.points[: self.count]
-        return bool(((points[:, KIND] == POINT) & (points[:, WAS] == 0.0)).any())
 
     def _landing_strides(
         self, landing: Landing | None, distance: float, F: np.ndarray

@@ -85,6 +85,15 @@ def farthest_roll(points, count):
 
 
 @njit(**LEAF_ENTRY)
+def has_new_point(points, count):
+    """Whether a point touches that did not at the last equilibrium; points, count: as in `note_slip`."""
+    new = False
+    for i in range(count):
+        new = new or (points[i, KIND] == POINT and points[i, WAS] == 0.0)
+    return new
+
+
+@njit(**LEAF_ENTRY)
 def slip_change(points, count, obstacles):
     """Sum of the changes of friction in a step where it slips, and that of all possible friction, EI / L^2.
 
