@@ -245,6 +245,7 @@ class SharedPiece(CableTracker):
         if self.rubs and isinstance(rod, ActiveSetRod) and origin is not None:
             before = (self.length / origin.length) ** 2 * origin.path_force
             rod.follow(self._far, before, self._path_force)
+            rod.note_slip(self._far)
 
     def holds(self, kept: Kept) -> bool:
         """Whether it is at this equilibrium."""

@@ -311,8 +311,7 @@ class ActiveSetRod(MobilisingRod):
         if not self.tentative:
             if not self.trial:  # a medium's drag is none of the cable's forces
                 self.follow(step.distance, step.F, F, landing)
-            if step.distance > STILL:
-                note_slip(self.points, self.count, step.distance)
+            self.note_slip(step.distance)
         self.forked = self.forked or forked
         self.rotation_before = self.rotation + rotated
         self.rotation = turned if self.count == step.kept[1] else 0.0
@@ -346,6 +345,11 @@ class ActiveSetRod(MobilisingRod):
             return code, iterations, q, F
         self.settled = q
         return warm_step.ADVANCED, iterations, q, F
+
+    def note_slip(self, distance: float) -> None:
+        """Keep how far its contacts slipped in a step of so far, L, that has been taken; see `lead`."""
+        if distance > STILL:
+            note_slip(self.points, self.count, distance)
 
     def _too_long(self, step: Step, code: int, sided: bool) -> np.ndarray:
         """(m,) which elements are to be halved before a step that failed is tried again: none if none is."""
