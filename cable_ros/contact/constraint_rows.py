@@ -210,13 +210,16 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             copy(V[b], W[b])
         if slip and friction[STIFFNESS] > 0.0:
             row(W, int(points[i, SLIP_ROW]), friction[ACROSS:STIFFNESS], by_position)
-        rests = points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0 and friction[STIFFNESS] > 0.0
-        rests = rests and points[i, FORCE] >= FAINT and points[i, AT_EDGE] == 0.0  # no edge holds it there
-        rests = rests and (not ends or extent(points, count, i) > LONG_PATCH)
+        rubs = friction[STIFFNESS] > 0.0 and points[i, FORCE] >= FAINT and not soft
         away = min(points[i, ARC_LENGTH], 1.0 - points[i, ARC_LENGTH]) > BESIDE_CLAMP
-        if rests and away and not soft:
+        rolls = rubs and away and points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0
+        rolls = rolls and points[i, AT_EDGE] == 0.0  # no edge holds it there
+        rolls = rolls and (not ends or extent(points, count, i) > LONG_PATCH)
+        if rolls:
             same = False
             take_along(points[i], turn, W[int(points[i, SLOPE_ROW])], 3 * first)
+        if rubs and not has_arm(points, i):
+            same = not keep_across(points[i], terms.slopes[i], rows, 3 + i, (begin, total)) and same
         if slip and friction[STIFFNESS] == 0.0 and points[i, FORCE] >= FAINT and not soft:
             points[i, SLIP_ROW] = total
             turning_rows(
@@ -225,7 +228,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             total += 2
         for b in range(begin, total):
             upto[b], owners[b], movers[b] = e, i, 0
-        if ends and rests and away and not soft:
+        if ends and rolls:
             begin = int(points[i, SLIP_ROW] if slip else points[i, STICK_ROW])
             for b in range(begin, begin + (1 if slip else 2)):
                 movers[b], shifts[b] = int(points[i, SLOPE_ROW]), 0.0
@@ -273,6 +276,36 @@ def take_along(point, turn, own, first):
         part = point[FRICTION + a] / point[FORCE]
         for j in range(turn.shape[1]):
             own[first + j] += part * turn[a, j]
+
+
+@njit(**LEAF)
+def keep_across(point, slopes, rows, own, turning):
+    """Let a point's friction stay across the normal, in the rows that turn that: the motion over a curved
+    surface, and along the cable.
+
+    Args:
+        point: (COLUMNS,).
+        slopes: (3,) of `PointTerms`.
+        rows: `ConstraintRows`, whose W is overwritten.
+        own: number of the row of the point's normal force.
+        turning: numbers of the first row after the gaps that is its own, and of the first that is not.
+
+    Returns:
+        Whether any row has changed.
+    """
+    changed = False
+    for b in range(turning[0], turning[1]):
+        normal = rows.delta[b] < 0.0
+        if not normal and not (point[KIND] != SAMPLE and point[SLOPE_ROW] == b):
+            continue
+        leans = 0.0  # of the friction, along the normal
+        for a in range(3):
+            turns = rows.lines[b, a] if normal else slopes[a]
+            leans -= point[FRICTION + a] * turns / point[FORCE]
+            changed = changed or turns != 0.0
+        for j in range(rows.W.shape[1]):
+            rows.W[b, j] += leans * rows.V[own, j]
+    return changed
 
 
 @njit(**INNER)
