@@ -127,8 +127,8 @@ def after_failure(walk: Walk, failed: FailedStep) -> End | None:
     judged = _judge(walk, failed)
     if _goes_back(walk, judged):
         return None
-    if judged.gives_way and rod.frictional and not rod.on_grid and walk.force > VERY_TAUT:
-        return End.TAUT  # it may give way before, but neither a fall nor a grid would tell when
+    if judged.gives_way and not rod.on_grid and walk.force > VERY_TAUT:
+        return End.STUCK  # it may give way before, but neither a fall nor a grid would tell when
     forks = _forks(walk, failed, judged)
     if (forks or _may_fall(walk, failed, judged)) and walk.falls < FALLS and rod.fell_short is not walk.F:
         walk.falls += 1

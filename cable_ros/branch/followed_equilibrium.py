@@ -422,8 +422,8 @@ class FollowedEquilibrium(SearchedEquilibrium):
         """A sentence if the continuation ended since the cable is taut, else an empty one."""
         rod, force = self._rod, float(np.linalg.norm(self._F))
         assert rod is not None
-        # where so much rubs, steps may fail on the way back as well: the branch is kept
-        taut = result.end is End.TAUT or (rod.frictional and force > VERY_TAUT)
+        # a branch that could not be followed at such a force is kept for the way back
+        taut = result.end is End.TAUT or (force > VERY_TAUT and (rod.frictional or not rod.on_grid))
         # a grid bends a taut cable too little to follow it farther, but it keeps the branch for the way back
         if not (taut or (rod.on_grid and way.within is not None and force > TIGHT)):
             return ""

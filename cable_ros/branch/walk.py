@@ -146,8 +146,11 @@ class Walk:
         return travel(rod.qe, rod.re, rod.obstacles, conditions.qe, conditions.re, conditions.obstacles)
 
     def replace_rod(self) -> bool:
-        """Go on with the rod's `fallback`, which there is only once; whether that could be made."""
-        if self.fallback is None:
+        """Go on with the rod's `fallback`, which there is only once; whether that could be made.
+
+        A grid does not resolve how a cable bends that is very taut.
+        """
+        if self.fallback is None or self.force > VERY_TAUT:
             return False
         replacement, self.fallback = self.fallback(self.rod, self.q, self.F), None
         if replacement is None:
