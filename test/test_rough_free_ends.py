@@ -41,6 +41,11 @@ PATHS: dict[str, tuple[dict[str, Any], float, list[float], dict[str, Any]]] = {
     "lies, drawn": (DOWN, 30.0, [-0.3, 0.0, 0.0], BENT),
 }
 """Start, weight per length, way of the start, and how the discrete rod begins."""
+STEP = 1e-3
+"""Of the discrete rod, lengths: in steps of 4e-3 it is 3 % off itself, half of these change 0.3 %."""
+OFF, RESTS_WITHIN = 0.015, {"rests, dragged across": 0.035}
+"""Error of a force, over the end force; where the end comes to rest within a step it is more, in eight times
+as many poses 5e-3."""
 EVERY = pytest.mark.parametrize("name", PATHS)
 
 
@@ -66,16 +71,16 @@ def reference(name: str, segments: int) -> Led:
     weight = np.array(case.scene["gravity"]) * cable["linear_density"]
     stiffness, radius = np.array(cable["stiffness"]), 0.5 * cable["outer_diameter"]
     path = Path(cable["length"], stiffness, weight, starts[0], starts, radius, (ground,), free=True, **begin)
-    return lead(path, segments)
+    return lead(path, segments, STEP)
 
 
 @EVERY
 def test_it_goes_as_a_discrete_rod_does_along_the_whole_path(name):
-    # within a step slip has one direction: 1e-5 of a length of it is 3 % of the force that pulls a stuck end
-    there = reference(name, 60)
+    # 1e-5 of a length of slip is 3 % of the force that pulls a stuck end
+    there, most = reference(name, 60), RESTS_WITHIN.get(name, OFF)
     for k, (one, two) in enumerate(zip(ours(name), there.start_wrench, strict=True)):
         assert not there.jumped[k]
-        np.testing.assert_allclose(one.start_wrench[:3], two[:3], atol=0.03 * np.linalg.norm(two[:3]))
+        np.testing.assert_allclose(one.start_wrench[:3], two[:3], atol=most * np.linalg.norm(two[:3]))
         np.testing.assert_allclose(one.points[-1], there.points[k, -1], atol=2e-3)
 
 

@@ -8,7 +8,18 @@ import numpy as np
 from cable_ros.contact.active_set_rod import ActiveSetRod
 from cable_ros.contact.distance import AXES, CENTRE, DIMENSIONS, FRICTION_COEFFICIENT
 from cable_ros.contact.patches import resample
-from cable_ros.contact.points import ARC_LENGTH, BEFORE, FORCE, FRICTION, INTERFACE, KIND, OBSTACLE, SAMPLE
+from cable_ros.contact.points import (
+    ARC_LENGTH,
+    BEFORE,
+    FORCE,
+    FRICTION,
+    INTERFACE,
+    KIND,
+    OBSTACLE,
+    SAMPLE,
+    SLIP_BEFORE,
+    STEP_BEFORE,
+)
 
 
 def lengthen(rod: ActiveSetRod, F: np.ndarray, ratio: float, shift: float) -> np.ndarray:
@@ -29,6 +40,7 @@ def lengthen(rod: ActiveSetRod, F: np.ndarray, ratio: float, shift: float) -> np
     rod.settled = None  # the gradient there is one in other units
     points = rod.points[: rod.count]
     points[:, FORCE : BEFORE + 3] /= ratio**2
+    points[:, SLIP_BEFORE : STEP_BEFORE + 1] *= ratio
     points[:, ARC_LENGTH] = np.clip(ratio * points[:, ARC_LENGTH] + shift, 0.0, 1.0)
     if rod.has_patch:
         _onto_mesh(rod)
