@@ -50,7 +50,6 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((145, 88, "beams"), 5),
         ((158, 133), 33),
         # falls onto edges within elements; and where a patch ends the cable touched and did not, in turn
-        ((114, 4), 11),
         ((130, 55), 21),
         ((170, 325), 6),
         # a ball touches an arch, which forks as a finer mesh tells: rounding took the side, in silence
@@ -112,15 +111,10 @@ def apart(some: list[Equilibrium], others: list[Equilibrium]) -> float:
         ((178, 131), 6),
         # there a point at an edge went across the patch beside it
         ((179, 702), 3),
-        # over beams: friction did not move with the end of a patch in the tangent
-        ((173, 1166), 17),
         # what stuck in the middle was unstable until it slipped, and was not judged meanwhile
         ((169, 1146), 36),
-        # an end of a patch where force and couple vanish, and a lift whose falls took all iterations
-        ((171, 254), 7),
+        # an end of a patch where force and couple vanish
         ((179, 635), 170),
-        # noise between the ends of a short patch
-        ((178, 152), 12),
         # where a fall leads nowhere shorter steps lead on
         ((167, 570), 2),
         # a thin patch peeled off between two edges: a grid took over
@@ -236,6 +230,8 @@ def test_what_sticks_in_a_corner_rolls_there_and_back_in_few_states() -> None:
         ((165, 761), None),
         # a drum: the steps back were too long
         ((164, 1455), None),
+        # its margin is small for it is taut, and it was said to have snapped
+        ((114, 4), None),
     ],
 )
 def test_a_taut_cable_is_led_back(key: tuple[int, int], states: int | None) -> None:

@@ -90,11 +90,13 @@ class Judged:
     """See `Rod.lets_go`."""
     margin: float | None
     """Stability margin, if it is known."""
+    taut: bool
+    """Whether it is very taut: its margin is small then, whether or not it falls."""
 
     @property
     def folding(self) -> bool:
         """Whether the branch ends at a fold there."""
-        near = self.margin is not None and self.margin < SMALL
+        near = self.margin is not None and self.margin < SMALL and not self.taut
         return self.free and (not self.stable or self.lets_go or near)
 
     @property
@@ -127,7 +129,7 @@ def after_failure(walk: Walk, failed: FailedStep) -> End | None:
     judged = _judge(walk, failed)
     if _goes_back(walk, judged):
         return None
-    if judged.gives_way and not rod.on_grid and walk.force > VERY_TAUT:
+    if judged.gives_way and judged.taut and not rod.on_grid:
         return End.STUCK  # it may give way before, but neither a fall nor a grid would tell when
     forks = _forks(walk, failed, judged)
     if (forks or _may_fall(walk, failed, judged)) and walk.falls < FALLS and rod.fell_short is not walk.F:
@@ -206,7 +208,7 @@ def _judge(walk: Walk, failed: FailedStep) -> Judged:
     may_let_go = free and stable and (hard or rod.short)
     lets_go = may_let_go and rod.lets_go(walk.q, walk.F, EDGE * failed.far)
     margin = rod._softest() if free and stable and walk.fallback is not None else None
-    judged = Judged(soft, free, tiny, hard, stable, lets_go, margin)
+    judged = Judged(soft, free, tiny, hard, stable, lets_go, margin, walk.force > VERY_TAUT)
     if judged.folding:
         rod.patience = 0
     return judged
