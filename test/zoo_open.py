@@ -167,6 +167,8 @@ DRAWN = {
     (189, 356): "in a finer path a contact with the ground is said to stick and moves 4.7e-3 L",
     (189, 489): "an end wrench 2.2e-4 off at a pose that tells 1e-3",
     (189, 716): "a ball pulls a cable taut: 1.8 % at the last pose before that is said, it says 0.8 %",
+    (189, 1224): "over a smooth table: 1.2e-6 of the length inside at a pose",
+    (189, 1229): "over a rough beam: slip that turns ever faster; 28 poses are on a grid, 12 % off",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {
