@@ -347,7 +347,7 @@ class ActiveSetRod(MobilisingRod):
         return warm_step.ADVANCED, iterations, q, F
 
     def note_slip(self, distance: float) -> None:
-        """Keep how far its contacts slipped in a step of so far, L, that has been taken; see `lead`."""
+        """Keep how far its contacts slipped in a step of so far, L, that has been taken."""
         if distance > STILL:
             note_slip(self.points, self.count, distance)
 
