@@ -155,10 +155,7 @@ DRAWN = {
     (188, 38): "on a rough table, told in 4 times as many poses: it turns over to another side at nine",
     (188, 106): "a rough slot, dragged across: 9 % at a pose, where hundreds of iterations lead on",
     (188, 162): "a hose: in a finer path a contact slides 3.3e-4 L the way its friction pushes",
-    (
-        188,
-        602,
-    ): "rough beams: beside an edge one point becomes two within 1e-8 L; on a finer path a grid, 1.6 %",
+    (188, 602): "beside an edge one point becomes two within 1e-8 L; on a finer path a grid, 1.6 %",
     (188, 625): "what turns freely on its way back: an end wrench 3e-4 off at a pose",
     (188, 791): "several bars: in a finer path a contact slides 1.4e-3 L the way its friction pushes",
     (188, 904): "an end wrench 1.9e-4 off at a pose that tells 4e-3",

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_ros.branch.cold_start import Conditions
 from cable_ros.branch.snap_through import SMALL, SNAP_WORK, snap_and_record
-from cable_ros.branch.walk import VERY_TAUT, End, Sound, Walk, norm
+from cable_ros.branch.walk import End, Sound, Walk, norm
 from cable_ros.contact.travel import TAUT
 from cable_ros.contact.viscous_flow import leaning
 from cable_ros.rod import warm_step
@@ -121,7 +121,7 @@ def after_failure(walk: Walk, failed: FailedStep) -> End | None:
     if rod.touches and _gets_taut(walk):
         rod.patience = 0  # a search without contact forces does not get farther
         walk.refactor()
-        if walk.taut and (walk.step < shortest or (walk.at > 0.0 and walk.force > VERY_TAUT)):
+        if walk.taut and (walk.step < shortest or (walk.at > 0.0 and walk.very_taut)):
             return End.TAUT
         if walk.step >= shortest:
             walk.shorten()
@@ -208,7 +208,7 @@ def _judge(walk: Walk, failed: FailedStep) -> Judged:
     may_let_go = free and stable and (hard or rod.short)
     lets_go = may_let_go and rod.lets_go(walk.q, walk.F, EDGE * failed.far)
     margin = rod._softest() if free and stable and walk.fallback is not None else None
-    judged = Judged(soft, free, tiny, hard, stable, lets_go, margin, walk.force > VERY_TAUT)
+    judged = Judged(soft, free, tiny, hard, stable, lets_go, margin, walk.very_taut)
     if judged.folding:
         rod.patience = 0
     return judged

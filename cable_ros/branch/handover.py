@@ -144,9 +144,7 @@ def exact(
         return None if rod.touches else _lifted(rod, tolerance)
     if model != FRICTIONLESS and rod.rubs:
         return _with_friction(rod, tolerance) if model == COULOMB else None
-    assert rod.obstacles is not None
-    conditions = conditions_of(rod)
-    first = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
+    first = _first_mesh(rod, tolerance)
     left = given = max(min(rod.work, EXACT_WORK), least)
     found = None
     for _ in TRIALS:
@@ -209,11 +207,14 @@ def centred(rod: NodalRod) -> NodalRod | None:
     return None
 
 
+def _first_mesh(rod: NodalRod, tolerance: float) -> Mesh:
+    """See `first_mesh`, for the shape on the grid."""
+    return first_mesh(conditions_of(rod), float(rod.totals[TWIST]), tolerance)
+
+
 def _lifted(rod: NodalRod, tolerance: float) -> Found | None:
     """As `exact`, of a cable that shears and touches nothing any more."""
-    assert rod.obstacles is not None
-    conditions = conditions_of(rod)
-    mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
+    mesh = _first_mesh(rod, tolerance)
     given = min(rod.work, EXACT_WORK)
     new, q = _started(rod, mesh, tolerance, given)
     found = settled(new, new.minimum(q, rod.end_force, SETTLE))
@@ -226,9 +227,7 @@ def _lifted(rod: NodalRod, tolerance: float) -> Found | None:
 
 def _with_friction(rod: NodalRod, tolerance: float) -> Found | None:
     """As `exact`. What sticks yields a little, so that friction stays that of the grid."""
-    assert rod.obstacles is not None
-    conditions = conditions_of(rod)
-    mesh = first_mesh(conditions, float(rod.totals[TWIST]), tolerance)
+    mesh = _first_mesh(rod, tolerance)
     given = min(rod.work, EXACT_WORK)
     new, q = _started(rod, mesh, tolerance, given)
     _give_contacts(new, q, rod)

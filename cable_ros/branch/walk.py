@@ -125,6 +125,10 @@ class Walk:
         """The end force, EI / L^2."""
         return self.forces[-1][1]
 
+    @property
+    def very_taut(self) -> bool:
+        return self.force > VERY_TAUT
+
     def ended(self, end: End) -> Continuation:
         return Continuation(
             end, self.at, self.q, self.F, self.iterations, tuple(self.snaps), self.rod, self.step, self.fork
@@ -150,7 +154,7 @@ class Walk:
 
         A grid does not resolve how a cable bends that is very taut.
         """
-        if self.fallback is None or self.force > VERY_TAUT:
+        if self.fallback is None or self.very_taut:
             return False
         replacement, self.fallback = self.fallback(self.rod, self.q, self.F), None
         if replacement is None:

@@ -210,7 +210,8 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             copy(V[b], W[b])
         if slip and friction[STIFFNESS] > 0.0:
             row(W, int(points[i, SLIP_ROW]), friction[ACROSS:STIFFNESS], by_position)
-        rubs = friction[STIFFNESS] > 0.0 and points[i, FORCE] >= FAINT and not soft
+        turns = points[i, FORCE] >= FAINT and not soft
+        rubs = turns and friction[STIFFNESS] > 0.0
         away = min(points[i, ARC_LENGTH], 1.0 - points[i, ARC_LENGTH]) > BESIDE_CLAMP
         rolls = rubs and away and points[i, KIND] != SAMPLE and points[i, SLOPE_ROW] > 0.0
         rolls = rolls and points[i, AT_EDGE] == 0.0  # no edge holds it there
@@ -220,7 +221,7 @@ def constraint_rows(shape, obstacles, contacts, count, terms, tangents, rows, st
             take_along(points[i], turn, W[int(points[i, SLOPE_ROW])], 3 * first)
         if rubs and not has_arm(points, i):
             same = not keep_across(points[i], terms.slopes[i], rows, 3 + i, (begin, total)) and same
-        if slip and friction[STIFFNESS] == 0.0 and points[i, FORCE] >= FAINT and not soft:
+        if slip and turns and friction[STIFFNESS] == 0.0:
             points[i, SLIP_ROW] = total
             turning_rows(
                 (points[i], normals[i], terms, i, mu), by_position, turn, 3 * first, total, rows, gaps

@@ -3,15 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 
-from cable_ros import Equilibrium, Status, Tracker, load_scene
-from cable_ros.bench.cases import Case, Pose, case_scene
+from cable_ros import Status, Tracker, load_scene
 from cable_ros.bench.drawn import drawn_case, refined
+from cable_ros.bench.metamorphic import follow
 from cable_ros.branch.cold_start import Found
 from cable_ros.branch.refinement import on_mesh
 from cable_ros.contact.active_set_rod import ActiveSetRod, Solved
@@ -46,11 +45,6 @@ def test_what_slips_slips_on_after_a_change_of_mesh() -> None:
     assert (rod.points[: rod.count, SLIPS] == 1.0).mean() > 0.95
 
 
-def follow_path(case: Case, path: Sequence[Pose]) -> list[Equilibrium]:
-    tracker = Tracker(case_scene(case), tolerance=case.tolerance)
-    return [tracker.arrive(joints)["cable"] for joints in path]
-
-
 def taut(index: int, poses: int) -> Found:
     """What a cable led through the first poses of a drawn path comes to, which pulls it taut."""
     case = drawn_case(159, index, 1e-4)
@@ -81,7 +75,7 @@ def test_a_cable_does_not_slide_along_two_edges_as_its_mesh_changes() -> None:
     """Its friction was held on a new mesh, where it slid by 2e-3 lengths: most of its side force went."""
     case = drawn_case(189, 858, 1e-4)
     first = [refined(case.path[:2], parts)[: parts // 16 + 1] for parts in (16, 64)]
-    once, finer = (follow_path(case, path)[-1].end_wrench[:3] for path in first)
+    once, finer = (follow(case, path).found[-1].end_wrench[:3] for path in first)
     assert abs(finer[1]) > 0.5
     assert np.linalg.norm(once - finer) < case.tolerance * np.linalg.norm(finer)
 
