@@ -43,9 +43,8 @@ PATHS: dict[str, tuple[dict[str, Any], float, list[float], dict[str, Any]]] = {
 """Start, weight per length, way of the start, and how the discrete rod begins."""
 STEP = 1e-3
 """Of the discrete rod, lengths: in steps of 4e-3 it is 3 % off itself, half of these change 0.3 %."""
-OFF, RESTS_WITHIN = 0.015, {"rests, dragged across": 0.035}
-"""Error of a force, over the end force; where the end comes to rest within a step it is more, in eight times
-as many poses 5e-3."""
+OFF = 0.015
+"""Error of a force, over the end force."""
 EVERY = pytest.mark.parametrize("name", PATHS)
 
 
@@ -77,10 +76,10 @@ def reference(name: str, segments: int) -> Led:
 @EVERY
 def test_it_goes_as_a_discrete_rod_does_along_the_whole_path(name):
     # 1e-5 of a length of slip is 3 % of the force that pulls a stuck end
-    there, most = reference(name, 60), RESTS_WITHIN.get(name, OFF)
+    there = reference(name, 60)
     for k, (one, two) in enumerate(zip(ours(name), there.start_wrench, strict=True)):
         assert not there.jumped[k]
-        np.testing.assert_allclose(one.start_wrench[:3], two[:3], atol=most * np.linalg.norm(two[:3]))
+        np.testing.assert_allclose(one.start_wrench[:3], two[:3], atol=OFF * np.linalg.norm(two[:3]))
         np.testing.assert_allclose(one.points[-1], there.points[k, -1], atol=2e-3)
 
 
@@ -95,20 +94,42 @@ def test_its_contacts_obey_coulomb(name):
 
 
 def test_an_end_that_drags_is_held_back_along_its_way():
-    found = ours("rests, dragged across")
+    # in steps so short that the way has no time to turn
+    found = ours("rests, dragged across", 160)
     slid = 0
     for before, now in pairwise(found):
         (at,) = now.contacts
         way = now.points[-1] - before.points[-1]
         if at.sliding:
             across = at.force - at.force @ at.normal * at.normal
-            assert np.linalg.norm(across) == pytest.approx(FRICTION * (at.force @ at.normal), rel=1e-5)
-            # where it took several steps, friction is that of the last one
+            # to the tolerance
+            assert np.linalg.norm(across) == pytest.approx(FRICTION * (at.force @ at.normal), rel=1e-4)
             np.testing.assert_allclose(across / np.linalg.norm(across), -way / np.linalg.norm(way), atol=0.03)
             slid += 1
         else:
             assert np.linalg.norm(way) < 1e-4
-    assert slid > 20
+    assert slid > 200
+
+
+def along_a_polygon(corners: int, parts: int) -> np.ndarray:
+    """(corners, 3) force at the start of one that rests, at the corners of its way; (parts) poses a side."""
+    case, turns = led("rests, drawn"), np.linspace(0.0, 2.0 * np.pi, corners + 1)
+    ways = 0.15 * np.stack([np.cos(turns) - 1.0, np.sin(turns), 0.0 * turns], axis=1)
+    tracker, out = case.tracker(1e-4), []
+    tracker.arrive(case.joints(0.0))
+    for start, end in pairwise(ways):
+        for part in np.arange(1, parts + 1) / parts:
+            joints = dict(zip("xyz", (start + part * (end - start)).tolist(), strict=True))
+            found = tracker.arrive(joints)["c"]
+            assert found.status is Status.CONVERGED, found.message
+        out.append(found.start_wrench[:3])
+    return np.array(out)
+
+
+def test_an_end_that_slips_round_bends_bears_the_same_in_more_poses():
+    # friction against the mean slip of a step, of first order, was 1.7e-3 off; against that at its end 7e-5
+    few, many = along_a_polygon(16, 1), along_a_polygon(16, 16)
+    np.testing.assert_allclose(few, many, atol=2e-4 * np.linalg.norm(many, axis=1).min())
 
 
 def test_the_error_of_the_path_is_that_of_the_force_at_the_clamp():

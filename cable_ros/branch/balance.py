@@ -10,9 +10,10 @@ import numpy as np
 from cable_ros.branch.coupled_run import CoupledRun
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupling import LOOSE, Ends, across_ring, step_size
-from cable_ros.branch.grip import Grip, friction_force, landed
+from cable_ros.branch.grip import STUCK, Grip, friction_force, landed
 from cable_ros.branch.landing import INSIDE, Touch, caught, faced, let_go, touches
 from cable_ros.branch.loose_ends import ALONG, Face
+from cable_ros.contact.travel import SLIP_MISSED
 from cable_ros.rod import quaternion
 from cable_ros.scene import Kinematics
 
@@ -187,6 +188,12 @@ class Balance(CoupledRun):
                 return state
         return None
 
+    def _stops(self, found: Shared) -> bool:
+        """Whether a free end that slipped has come to rest in a step too long to tell where."""
+        grips = [(tip.face.grip, tip.position) for tip in found.tips if tip.face is not None]
+        most = SLIP_MISSED * self.run.length
+        return any(grip is not None and grip.missed(position) > most for grip, position in grips)
+
     def _clear(self, kinematics: Kinematics, joints: np.ndarray, state: Shared) -> bool:
         """Whether no free end is inside of an obstacle where it has arrived; if one is, it touches that."""
         if not self.loose or self._caught(kinematics, joints, state) is state:
@@ -209,9 +216,12 @@ class Balance(CoupledRun):
             own = np.searchsorted(np.flatnonzero(free), [first, first + 1])
             row = self._tangent[first + 2, free]
             by_force = inverse[:, own]
-            way = (tip.position - grip.anchor) @ tip.axes[:, :2] + out[first : first + 2]
             normal = residual[first + 2] + row @ out[free]
-            force = friction_force(grip.friction, way, by_force[own], normal, row @ by_force)
+            for origin in (grip.origin(tip.position), grip.anchor):
+                way = (tip.position - origin) @ tip.axes[:, :2] + out[first : first + 2]
+                force = friction_force(grip.friction, way, by_force[own], normal, row @ by_force)
+                if np.linalg.norm(way - by_force[own] @ force) > STUCK:
+                    break  # what comes to rest does so at its anchor
             out[free] -= by_force @ force
         return out
 
@@ -262,32 +272,31 @@ class Balance(CoupledRun):
         rows = self._rows(kinematics, joints)
         tips = []
         for k, (tip, face) in enumerate(zip(state.tips, self._faces, strict=True)):
-            anchor = None if begin or tip.face is None or tip.face.grip is None else tip.face.grip.anchor
+            grip = None if begin or tip.face is None else tip.face.grip
             on = faced(tip, face, rows)
             friction = self._friction_at(k)
             if on.face is not None and friction > 0.0:
-                if anchor is None:
-                    anchor = self._anchor(kinematics, joints, k, tip.position, on.face)
-                grip = Grip(friction, anchor, self._slips[k])
-                there = on.position if grip.slips else anchor
+                if grip is None:
+                    grip = self._grip(kinematics, joints, k, tip.position, on.face)
+                grip = grip._replace(friction=friction, slips=self._slips[k])
+                there = on.position if grip.slips else grip.anchor
                 on = on._replace(face=on.face._replace(grip=grip), position=there).on_face()
             tips.append(on)
         return state._replace(tips=tuple(tips))
 
-    def _anchor(
-        self, kinematics: Kinematics, joints: np.ndarray, k: int, now: np.ndarray, face: Face
-    ) -> np.ndarray:
-        """(3,) where a tip that comes to be at `now` (3,) would be, had it stuck since it was on the face."""
+    def _grip(self, kinematics: Kinematics, joints: np.ndarray, k: int, now: np.ndarray, face: Face) -> Grip:
+        """How a tip that comes to be at `now` (3,) rubs on the face, if it has stuck since it was on it."""
         assert self.state is not None
-        last = self.state.tips[k]
+        last, slid = self.state.tips[k], self._slid[k]
         old, new = (kinematics.obstacle_poses(at)[face.obstacle].copy() for at in (self._joints, joints))
         turn = quaternion.multiply(
             quaternion.from_ros(new[3:]), quaternion.conjugate(quaternion.from_ros(old[3:]))
         )
         carried = new[:3] + quaternion.rotate(turn, last.position - old[:3])
-        if last.face is not None and last.face.obstacle == face.obstacle:
-            return carried
-        return landed(face.row, carried, now)
+        if last.face is None or last.face.obstacle != face.obstacle:
+            return Grip(0.0, landed(face.row, carried, now), False, np.zeros(3), 1.0)
+        ratio = float(np.abs(joints - self._joints).max()) / slid.step if slid.step else 1.0
+        return Grip(0.0, carried, False, quaternion.rotate(turn, slid.way), ratio)
 
     def _caught(
         self, kinematics: Kinematics, joints: np.ndarray, state: Shared, least: float = INSIDE

@@ -21,6 +21,7 @@ from cable_ros.branch.coupling import (
     judged,
     residual_of,
 )
+from cable_ros.branch.grip import Slip
 from cable_ros.branch.loose_ends import LooseEnd
 from cable_ros.branch.loose_piece import LoosePiece
 from cable_ros.branch.prediction import Step
@@ -75,6 +76,7 @@ class CoupledRun:
         self._slides = np.zeros(len(self._guides), int)
         self._faces: list[tuple[int, bool] | None] = [None] * len(self.loose)  # number, and whether it lies
         self._slips = [False] * len(self.loose)  # see `Grip.slips`
+        self._slid = [Slip(np.zeros(3), 0.0)] * len(self.loose)  # in the step to the last equilibrium
         self._wound = 1.0  # part of the given moments that acts
         self._inverse: np.ndarray | None = None
         self._tangent = np.empty((0, 0))  # of which it is the inverse, also by what is held
@@ -174,6 +176,9 @@ class CoupledRun:
     def _accept(self, joints: np.ndarray, state: Shared) -> None:
         if self.state is not None:
             step = Step(joints - self._joints, self.state.step_to(state) + self._left - self._missed)
+            if step.joints.any():
+                far = float(np.abs(step.joints).max())
+                self._slid = [Slip(tip.slipped, far) for tip in state.tips]
             if not self._comparable:
                 self._steps = (step,)
             elif step.joints.any():

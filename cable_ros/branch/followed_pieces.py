@@ -56,8 +56,8 @@ class FollowedPieces(Released):
             assert self.state is not None
             found = self._balanced(kinematics, there, mounts)
             distance_here = (target - at) * distance
-            hasty = any(piece.hasty for piece in self.pieces)
-            if found is not None and hasty and 0.5 * distance_here >= SHORTEST:
+            hasty = found is not None and (any(piece.hasty for piece in self.pieces) or self._stops(found))
+            if hasty and 0.5 * distance_here >= SHORTEST:
                 found = None
             if found is not None and not self._stable(kinematics, there, mounts, found):
                 found = None

@@ -2,8 +2,9 @@
 """Coulomb's friction at a free end that rests on something rough, SI.
 
 While it sticks, its section is held where the obstacle takes it. While it slips, friction of mu times the
-normal force opposes its way over the obstacle since the last equilibrium. Where the cable beside an end that
-lies touches, too, it bears no force of its own: friction acts there.
+normal force opposes its slip at the end of the step, as `friction_kernels.lead` tells that from this step and
+the one before. Where the cable beside an end that lies touches, too, it bears no force of its own: friction
+acts there.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cable_ros.contact.distance import gap
+from cable_ros.contact.friction_kernels import STRAIGHT, lead_of
 
 EXCESS = 1e-6
 """Of a force beyond mu N, as a fraction of it, at which an end still sticks."""
@@ -21,6 +23,15 @@ STUCK = 1e-12
 """Way, m, below which an end that slips has stuck: rounding."""
 STIFFEST = 1e12
 """Friction over the way, in what holds an end elastically, at which it sticks."""
+
+
+class Slip(NamedTuple):
+    """How an end slipped in a step."""
+
+    way: np.ndarray
+    """(3,) m, over the obstacle, world."""
+    step: float
+    """How far the joints moved in it, rad or m."""
 
 
 class Grip(NamedTuple):
@@ -32,6 +43,31 @@ class Grip(NamedTuple):
     """(3,) m, world: where it would be now if it had stuck since the last equilibrium."""
     slips: bool
     """Whether it may leave its anchor."""
+    slid: np.ndarray
+    """(3,) m, its slip in the step before, carried along by the obstacle."""
+    ratio: float
+    """Length of this step over that of the step before."""
+
+    def origin(self, position: np.ndarray) -> np.ndarray:
+        """(3,) m, world: friction at `position` (3,) opposes the way from there.
+
+        It is ahead of the anchor, along the slip in the step before: see `friction_kernels.lead`.
+        """
+        way, size = position - self.anchor, float(np.linalg.norm(self.slid))
+        long = float(np.linalg.norm(way))
+        if min(size, long) <= STUCK:
+            return self.anchor
+        along = float(way @ self.slid) / (size * long)
+        part = lead_of(long, size, self.ratio)[0] * max(along, 0.0) ** STRAIGHT
+        out: np.ndarray = self.anchor + part / (1.0 + part) * long / size * self.slid
+        return out
+
+    def missed(self, position: np.ndarray) -> float:
+        """How far it may have slipped, m, if it has come to rest within the step; see `slip_missed`."""
+        slid = self.ratio * self.slid  # if it had gone on as fast
+        along = float((position - self.anchor) @ self.slid) if self.slips else 0.0
+        size = float(np.linalg.norm(slid))
+        return 0.5 * size if (1.0 + 2.0 * self.ratio) * along <= size**2 else 0.0
 
     def slips_on(self, position: np.ndarray, push: np.ndarray) -> bool:
         """Whether it slips, by Coulomb's law, at a solution at `position` (3,).

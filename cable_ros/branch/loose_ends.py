@@ -86,6 +86,12 @@ class Tip(NamedTuple):
         """The obstacle that it rests on, and whether the cable lies there; None: it hangs."""
         return None if self.face is None else self.face.touch
 
+    @property
+    def slipped(self) -> np.ndarray:
+        """(3,) m, world, how far it has slipped in this step over what it rests on."""
+        grip = None if self.face is None else self.face.grip
+        return self.position - grip.anchor if grip is not None and grip.slips else np.zeros(3)
+
     def moved(self, step: np.ndarray) -> Tip:
         """After a step (6,): rotations about `spins`, rad, then along `axes`, m; it stays on its face."""
         turn = np.empty((1, 4))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, LEAF, njit
+from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
 from cable_ros.contact.points import (
     FORCE,
     FRICTION,
@@ -206,12 +206,7 @@ def lead(direction, before, slips, n, cone, ratio):
     slid, slip = slips
     size, long = across(slid, n), across(slip, n)
     if size > AT_REST:
-        even = ratio * size  # as fast as before
-        if long > even:
-            most, grows = even / (size + long), -even / (size + long) ** 2
-        else:
-            most = long * long / ((size + long) * even)
-            grows = long * (long + 2.0 * size) / ((size + long) ** 2 * even)
+        most, grows = lead_of(long, size, ratio)
     else:
         for a in range(3):
             slid[a] = -before[a]
@@ -233,6 +228,21 @@ def lead(direction, before, slips, n, cone, ratio):
         by_turn -= STRAIGHT * part / along * beside * beside
     by_length = 0.0 if long == 0.0 else -beside * fades * grows / long
     return by_turn / square, by_length / square
+
+
+@njit(**LEAF_ENTRY)
+def lead_of(long, size, ratio):
+    """The part of the mean direction's turn that `lead` adds, and its derivative by the length of slip.
+
+    Args:
+        long, size: slip in this step, and, not 0, in the one before, of the same unit.
+        ratio: as in `lead`.
+    """
+    even = ratio * size  # as fast as before
+    if long > even:
+        return even / (size + long), -even / (size + long) ** 2
+    grows = long * (long + 2.0 * size) / ((size + long) ** 2 * even)
+    return long * long / ((size + long) * even), grows
 
 
 @njit(**LEAF)
