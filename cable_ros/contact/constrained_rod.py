@@ -270,8 +270,9 @@ class ConstrainedRod(Rod):
         self.trace(q)
         fine = self.fine.values, self.fine.weights
         misplaced(
-            (q, self.c, self.h, self.s0), fine, self._bare(q), self.obstacles, self.points, self.count, out
-        )
+            (q, self.c, self.h, self.s0), fine, self._bare(q), self.obstacles, self.points, self.count,
+            self.spacing, out,
+        )  # fmt: skip
         long = out > 2.0 * leeway * self.give
         if self.model != FRICTIONLESS:
             return long

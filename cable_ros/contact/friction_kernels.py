@@ -35,6 +35,8 @@ LEAD, STRAIGHT = 0.5, 8
 the power of that turn's cosine with which this fades: to nothing at 60 degrees."""
 FRICTIONLESS, COULOMB, SLIDING = 0, 1, 2
 """Models: none; with a history; as (53) of Liu et al. (2018), against the motion of the end."""
+HELD = 2.0
+"""SLIPS of a point whose rows are those of stick, whatever its friction: see `coulomb_cones`."""
 AT_REST = 1e-6
 """Motion over the obstacle, L, whose direction may be rounding."""
 STICK = 1e8
@@ -129,6 +131,11 @@ def update_friction(points, i, at, mu, history, stiffness, increment, limit):
         size += trial[a] * trial[a]
         along += force[a] * trial[a]
     norm, size = np.sqrt(norm), np.sqrt(size)
+    if points[i, SLIPS] == HELD:
+        limit[STIFFNESS] = stiffness
+        for a in range(3):
+            points[i, FRICTION + a] = force[a]
+        return False
     slips = points[i, SLIPS] == 1.0
     onward = initial or history.still
     if not slips and norm > (1.0 + ROUNDING) * cone and norm > 0.0 and not initial:

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_ros.compilation import INNER, LEAF, LEAF_ENTRY, njit
+from cable_ros.compilation import INNER, LEAF_ENTRY, njit
 from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
+from cable_ros.contact.coulomb_cones import hold, let_go, may_hold, solve_on_cones
 from cable_ros.contact.detection import dipping, may_stay, release, update_active_set
 from cable_ros.contact.flattening import flatten
 from cable_ros.contact.force_updates import correct_forces, firmer, largest_change, sticks_now
@@ -43,7 +44,7 @@ from cable_ros.linalg.bordered import (
 )
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
-from cable_ros.rod.centreline import close_curve
+from cable_ros.rod.centreline import close_curve, lengthen
 from cable_ros.rod.rod_state import Grid, Section, grid_of
 from cable_ros.rod.warm_step import ADVANCED, NOT_CONTRACTING, NOT_CONVEX, TOO_FAR, close, largest
 
@@ -85,6 +86,9 @@ tolerance by which forces may go on changing then, over the end force, between t
 DENSE, MANY_ROWS = 45.0, 200.0
 """The square of this number of constraint rows takes as long as one unknown of the band, 2 us; and the number
 from which on they cost as its third power."""
+PATIENT, MOST_ON_CONES, NEARLY = 6, 12, 1e-7
+"""Number of iterations in which points may find by themselves which of them stick and slip; of those in which
+Coulomb's law tells, see `coulomb_cones`; and the step, as LOOSE, at which these end."""
 LEAST_WORK = 80_000.0
 """Work that a solve may take however little is left, see `iteration_work`: 160 ms."""
 MOST_IN_ALL, MOST_FROM_SOFT = 75, 160
@@ -203,6 +207,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     since, F_then = 0.0, F.copy()  # rotation since the last set was solved, and its end force
     tangent, moved = True, False  # `tangent`: the tangent step, which moves the end
     least, worst = 0, 1.0
+    may_rub = model == COULOMB and not soft and drag == 0.0 and presliding == 0.0
     steady = model != COULOMB  # whether no direction of friction is part of the iteration
     holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
     revised, turns = 0, 0  # contacts added in the last revision, and how often as many went as had come
@@ -213,7 +218,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     for revision in range(MOST_REVISIONS):
         if total > in_all:
             return NOT_CONTRACTING, total, count, total_rows, moved, rotation, foreseen
-        converged = False
+        converged, on_cones, alone = False, 0, 0
         for iteration in range(in_turn):
             changes = 0
             trace(shape, (F_new, f), contacts, count, obstacles, strain)
@@ -228,6 +233,9 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 pinched, count = meet_pinches(shape, obstacles, points, count)
                 changes += pinched + flattened + edged + released + shrunk + merged
             holds = holds and changes == 0
+            if on_cones > 0:
+                hold(points, count, obstacles)
+                holds = False
             full = not holds or (not tangent and (rotation > refactor_at or rate > SLOW))
             if not full:
                 gaps[count : total_rows - 3] = 0.0
@@ -272,7 +280,15 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 b[i] = gaps[i - 3]
             if tangent:
                 end_coupling(tangents, V, total_rows, theta, gv, b)
-            kkt_solve(gv, b, V, order, factors, small, swaps, s, y)
+            if on_cones == 0:
+                kkt_solve(gv, b, V, order, factors, small, swaps, s, y)
+            elif not solve_on_cones(
+                gv, b, V, order, factors, small, swaps, (points, count, rows.lines), obstacles, history, s, y
+            ):
+                let_go(points, count)
+                total, worked = total + 1, worked + iteration_work(n, total_rows)
+                on_cones, holds, alone = 0, False, -MOST_IN_ALL
+                continue
             if tangent:
                 for k in range(3):
                     s[n - 3 + k] = theta[k]
@@ -298,6 +314,15 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 if reversal and softest == 0.0 and drag == 0.0:
                     return REVERSES, total, count, total_rows, moved, rotation, foreseen
                 rate = max(min(step / size, 1.0) if iteration > 0 and size > 0.0 else 0.1, rotation)
+                if on_cones > 0:
+                    size, on_cones = step, on_cones - 1
+                    if step <= NEARLY or on_cones == 0:
+                        let_go(points, count)
+                        on_cones, holds = 0, False
+                    continue
+                alone += 1
+                if alone >= PATIENT and may_rub and may_hold(points, count):
+                    on_cones, alone = MOST_ON_CONES, 0
                 # the constraint rows may hold the direction of friction too stiffly
                 trusted = rate if steady or full else max(rate, 0.5)
                 enough = tolerance if presliding <= options.presliding else max(LOOSE, tolerance)
@@ -372,23 +397,3 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
 def iteration_work(unknowns, rows):
     """Cost of an iteration, in unknowns of a rod without constraints, each of which takes 2 us."""
     return unknowns + rows * rows / DENSE * max(rows / MANY_ROWS, 1.0)
-
-
-@njit(**LEAF)
-def lengthen(curves, ratio, shift):
-    """Tell where the cable was in units of another length, by the arc lengths that its material has now.
-
-    Args:
-        curves: `History`'s c, closed, h and s0, overwritten.
-        ratio, shift: of `Last`.
-    """
-    c, closed, h, s0 = curves
-    for e in range(h.shape[0]):
-        h[e] *= ratio
-        s0[e] = ratio * s0[e] + shift
-        for k in range(c.shape[1]):
-            for a in range(c.shape[2]):
-                c[e, k, a] *= ratio
-        for k in range(closed.shape[1]):
-            for a in range(3):
-                closed[e, k, a] *= ratio

@@ -6,23 +6,27 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.distance import gap
+from cable_ros.contact.detection import RESTING
+from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.patches import NODES, SAMPLES, WEIGHTS, inside
-from cable_ros.contact.points import FRICTION, KIND, LENGTH, NUMBER, OBSTACLE, SAMPLE
-from cable_ros.rod.centreline import position, tangent
+from cable_ros.contact.points import ARC_LENGTH, FRICTION, KIND, LENGTH, NUMBER, OBSTACLE, POINT, SAMPLE
+from cable_ros.rod.centreline import find_element, position, tangent
 
 OPTIONS = {"cache": True, "error_model": "numpy"}
 
 HIGHEST = np.polynomial.legendre.Legendre.basis(SAMPLES - 1)(2.0 * NODES - 1.0)
 """The Legendre polynomial of the highest order that an element's samples resolve, at these samples."""
+BESIDE = 4
+"""Number of places on either side of a contact point at which it is looked whether the cable is clear."""
 
 
 @njit(**OPTIONS)
-def misplaced(shape, fine, bare, obstacles, points, count, out):
+def misplaced(shape, fine, bare, obstacles, points, count, spacing, out):
     """Error of the position of each element in contact, L.
 
-    That is the larger of two: the depth inside an obstacle between the samples that press on it, and the
-    error of its end by the rule that integrates the tangents, from a comparison with a finer rule.
+    That is the largest of three: the depth inside an obstacle between the samples that press on it, that
+    beside a point, where the slopes show none, and the error of its end by the rule that integrates the
+    tangents, from a comparison with a finer rule.
 
     Args:
         shape: nodal frames, coefficients of the centreline, lengths and starts of the elements, see `Shape`.
@@ -30,6 +34,7 @@ def misplaced(shape, fine, bare, obstacles, points, count, out):
         bare: (m, g + 1, 3) the centreline's coefficients without axial strain.
         obstacles: (o, WIDTH).
         points, count: (CAPACITY, COLUMNS) the contact points and their number.
+        spacing: distance of the samples at which contact is looked for, L.
         out: (m,) receives the errors.
     """
     q, c, h, s0 = shape
@@ -52,6 +57,18 @@ def misplaced(shape, fine, bare, obstacles, points, count, out):
         out[e] = np.sqrt(missed[0] ** 2 + missed[1] ** 2 + missed[2] ** 2)
     r, n = np.empty(3), np.empty(3)
     directions, bends = np.empty((2, 3)), np.empty(2)
+    for i in range(count):
+        obstacle = obstacles[int(points[i, OBSTACLE])]
+        # on a rough one a patch so short stays a point, see `update_active_set`
+        if points[i, KIND] != POINT or obstacle[FRICTION_COEFFICIENT] > 0.0:
+            continue
+        for k in range(-BESIDE, BESIDE + 1):
+            s = points[i, ARC_LENGTH] + k * spacing / BESIDE
+            if min(s, 1.0 - s) > RESTING:
+                e, _ = find_element(s, s0, h)
+                position(c, h, s0, s, r)
+                depth = -gap(obstacle, r, n, directions, bends)
+                out[e] = max(out[e], depth)
     for o in range(obstacles.shape[0]):
         lies = False
         for i in range(count):

@@ -108,6 +108,27 @@ def close_curve(q, h, bubbles, c, out):
 
 
 @njit(**LEAF)
+def lengthen(curves, ratio, shift):
+    """Tell where the cable was in units of another length, by the arc lengths that its material has now.
+
+    Args:
+        curves: coefficients of the centreline, c, and the same closed, lengths h and starts s0 of the
+            elements, overwritten.
+        ratio, shift: by which arc lengths grow, and what is added to them then.
+    """
+    c, closed, h, s0 = curves
+    for e in range(h.shape[0]):
+        h[e] *= ratio
+        s0[e] = ratio * s0[e] + shift
+        for k in range(c.shape[1]):
+            for a in range(c.shape[2]):
+                c[e, k, a] *= ratio
+        for k in range(closed.shape[1]):
+            for a in range(3):
+                closed[e, k, a] *= ratio
+
+
+@njit(**LEAF)
 def find_element(s, s0, h):
     """Element of the arc length s and x in [0, 1] in it; the elements have lengths h (m,), starts s0 (m,)."""
     e = 0
