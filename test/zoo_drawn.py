@@ -282,6 +282,8 @@ FOUND = {
     (159, 223): "a heavy cable falls over a narrow smooth beam",
     (163, 529): "a heavy cable slides along the edges of two smooth beams, and falls",
     (169, 114): "it slides along the edges of two beams and falls: once lost, it was known again elsewhere",
+    (189, 1224): "on a smooth table: a point begins to lie, where slopes show no dip and places do",
+    (189, 1612): "two points beside each other, pressed down, slip by 1e-9 L in turn: a grid had no answer",
     (166, 310): "over a smooth edge: an element beside the clamp so short that no sample is in it",
 }
 """By seed, index and kind of `drawn_case`: scenes that benchmarks/drawn.py has found, and that failed."""

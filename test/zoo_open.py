@@ -146,6 +146,10 @@ DRAWN = {
     (184, 623): "back from taut over rough beams: 5.7, 3.8 and 1.1 % at three poses, it says 7 %",
     (184, 802): "a hose in 4 times as many poses: 1.6 % at one; it slides as friction pushes at another",
     (184, 926): "told in 4 times as many poses: 1.3 % at one, it says 0.3 %",
+    (
+        185,
+        102,
+    ): "a rough slot drawn across, told in three parts: by the last digit a grid's error is too large",
     (187, 321): "a ball pulls a cable taut: 2.6 % at the last pose before that is said, it says 2.7 %",
     (187, 515): "a ball pulls a cable taut: 1.7 % at the last pose before that is said, it says 2.9 %",
     (187, 648): "a lift leaves the ground at its first pose: 1.3 %, it says 2 %",
@@ -164,7 +168,6 @@ DRAWN = {
     (189, 356): "in a finer path a contact with the ground is said to stick and moves 4.7e-3 L",
     (189, 489): "an end wrench 2.2e-4 off at a pose that tells 1e-3",
     (189, 716): "a ball pulls a cable taut: 1.8 % at the last pose before that is said, it says 0.8 %",
-    (189, 1224): "over a smooth table: 1.2e-6 of the length inside at a pose",
     (189, 1229): "over a rough beam: slip that turns ever faster; 28 poses are on a grid, 12 % off",
 }
 """By seed and index of `drawn_case`, what is amiss."""

@@ -207,7 +207,7 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
     since, F_then = 0.0, F.copy()  # rotation since the last set was solved, and its end force
     tangent, moved = True, False  # `tangent`: the tangent step, which moves the end
     least, worst = 0, 1.0
-    may_rub = model == COULOMB and not soft and drag == 0.0 and presliding == 0.0
+    may_rub = model == COULOMB and not soft and drag == 0.0 and presliding == 0.0 and may_hold(points, count)
     steady = model != COULOMB  # whether no direction of friction is part of the iteration
     holds, fresh, rate = ready, False, 0.0  # `holds`: the factors are those of the present set of points
     revised, turns = 0, 0  # contacts added in the last revision, and how often as many went as had come
@@ -321,7 +321,8 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                         on_cones, holds = 0, False
                     continue
                 alone += 1
-                if alone >= PATIENT and may_rub and may_hold(points, count):
+                # where contact has changed in the step, slip is not what keeps it from settling
+                if alone >= PATIENT and may_rub and count == last.size and may_hold(points, count):
                     on_cones, alone = MOST_ON_CONES, 0
                 # the constraint rows may hold the direction of friction too stiffly
                 trusted = rate if steady or full else max(rate, 0.5)

@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which contact points slip, as Coulomb's law of a linear system says, and solves that cannot do without."""
+"""Which contact points slip, as Coulomb's law of a linear system says; scenes that need it are in the zoo."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from cable_ros import Tracker
-from cable_ros.bench.cases import case_scene
-from cable_ros.bench.drawn import drawn_case
 from cable_ros.contact.coulomb_cones import FIRST, LAST, slide
-from cable_ros.equilibrium import Status
 
 POINTS = 4
 
@@ -53,12 +49,3 @@ def test_two_points_that_bear_against_each_other_slip_together():
 
 def test_it_says_so_where_slip_is_not_resisted():
     assert not slide(-np.eye(2), np.ones(2), np.zeros(2), np.ones(1), FIRST, np.zeros(2))
-
-
-@pytest.mark.parametrize(("seed", "index"), [(189, 1612)])
-def test_points_close_together_on_a_table_are_solved(seed, index):
-    # by turns one and the other slipped by 1e-9 L, until the iterations were spent, and a grid took over
-    case = drawn_case(seed, index, 1e-4)
-    tracker = Tracker(case_scene(case))
-    found = [tracker.arrive(joints)["cable"].status for joints in case.path]
-    assert set(found) <= {Status.CONVERGED, Status.SNAPPED}
