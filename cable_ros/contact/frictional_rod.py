@@ -52,6 +52,9 @@ from cable_ros.rod.elements import Mesh
 
 SHORT_STEP = 1e-3
 """Length of a step, L, below which what sticks along a patch is firmer."""
+TURN_BACK = 0.5
+"""Factor of a step that was hard to solve and in which friction turns back at a point: it may have stuck, and
+then the cable goes elsewhere."""
 STIFF_FORCE = 160.0
 """End force, EI / L^2, above which it is, too: a taut cable resists its clamps with about 2 F^1.5, EI / L^3,
 here as much as `BEDDING` allows for. At 7e4 an end force was a quarter too small, in whatever steps."""
@@ -269,6 +272,18 @@ class FrictionalRod(FixedSetRod):
         if distance <= STILL:
             return np.inf, self.onward
         return (np.inf, np.inf) if landing is None else landing.strides(float(np.linalg.norm(F)))
+
+    def _hard_stride(self, F: np.ndarray, F_new: np.ndarray) -> float:
+        """By how much the next step may be longer than one that was hard to solve, from end force F to F_new.
+
+        On its way points may have stuck and slipped that did not at its end.
+        """
+        out = TURN_BACK if self._turns_back() else 2.0
+        force = float(np.linalg.norm(F_new))
+        if self.has_patch or self.creeps or force >= TAUT:
+            return out
+        change = float(np.linalg.norm(F_new - F)) / max(float(np.linalg.norm(F)), force, self.least)
+        return min(out, stride(change, FORCE_CHANGE))
 
     def _turns_back(self) -> bool:
         """Whether friction has turned back at a point that slips, in the last solve."""

@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from cable_ros.compilation import njit
-from cable_ros.contact.detection import RESTING
 from cable_ros.contact.distance import FRICTION_COEFFICIENT, gap
 from cable_ros.contact.patches import NODES, SAMPLES, WEIGHTS, inside
 from cable_ros.contact.points import ARC_LENGTH, FRICTION, KIND, LENGTH, NUMBER, OBSTACLE, POINT, SAMPLE
@@ -64,7 +63,7 @@ def misplaced(shape, fine, bare, obstacles, points, count, spacing, out):
             continue
         for k in range(-BESIDE, BESIDE + 1):
             s = points[i, ARC_LENGTH] + k * spacing / BESIDE
-            if min(s, 1.0 - s) > RESTING:
+            if min(s, 1.0 - s) > spacing:  # beside a clamp it would not help
                 e, _ = find_element(s, s0, h)
                 position(c, h, s0, s, r)
                 depth = -gap(obstacle, r, n, directions, bends)

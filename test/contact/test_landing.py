@@ -85,7 +85,7 @@ def test_it_lies_the_same_however_the_path_is_told(on_grid: bool, monkeypatch: p
 def test_what_comes_down_at_the_last_pose_slips_as_it_did_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """Laid down exactly onto the ground: a point beside the clamp takes two thirds of the end force within
     the last 1e-5 of the way. In one step it slipped as the clamp had on all of it, and was 2 % off. In steps
-    that may be as short as 1e-7 L it is 2.6 % from all of these, which are no shorter than 2e-4: zoo_open.py.
+    no shorter than 1e-3 L it is 7 % off, with no limit on the change of the end force 0.6 %.
     """
     case = drawn_case(130, 11, 1e-4, "lift")
 
@@ -101,11 +101,11 @@ def test_what_comes_down_at_the_last_pose_slips_as_it_did_there(monkeypatch: pyt
     for parts in (1, 4):
         assert np.linalg.norm((home(parts) - exact)[:3]) < 0.002 * size
     with monkeypatch.context() as patch:
-        patch.setattr(active_set_rod, "SHORTEST", 2e-4)
+        patch.setattr(active_set_rod, "SHORTEST", 1e-3)
         assert np.linalg.norm((home(1) - exact)[:3]) > 0.015 * size
     monkeypatch.setattr(frictional_rod, "FORCE_CHANGE", np.inf)
     monkeypatch.setattr(frictional_rod, "LANDING_CHANGE", np.inf)
-    assert np.linalg.norm((home(1) - exact)[:3]) > 0.015 * size
+    assert np.linalg.norm((home(1) - exact)[:3]) > 0.004 * size
 
 
 @pytest.mark.parametrize(("index", "parts"), [(6, 4), (14, 4)])
