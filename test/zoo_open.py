@@ -169,6 +169,13 @@ DRAWN = {
     (189, 489): "an end wrench 2.2e-4 off at a pose that tells 1e-3",
     (189, 716): "a ball pulls a cable taut: 1.8 % at the last pose before that is said, it says 0.8 %",
     (189, 1229): "over a rough beam: slip that turns ever faster; 28 poses are on a grid, 12 % off",
+    (190, 52): "rough rollers pull it taut and go back: 10 % at one pose, it says 5 %",
+    (190, 123): "a rough tray turns: 1.2 % at a pose; a contact slides 2.6e-4 L the way its friction pushes",
+    (190, 281): "heavy, across rough beams: 39 poses are on a grid whose error is too large",
+    (190, 330): "over a rough edge, told in 4 times as many poses: 1.6 % at the last one, it says 1.1 %",
+    (190, 449): "a lift that falls, told in 4 times as many poses: 1.5 % at one, it says 2.5 %",
+    (190, 827): "a rough ball pushed up, pulled taut and back: 25 poses are reported until all has slipped",
+    (190, 935): "a hose that falls, told in 4 times as many poses: 1 to 4 % at 18, it says half of that",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {
