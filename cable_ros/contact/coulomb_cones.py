@@ -3,8 +3,8 @@
 
 Newton's method takes from the last iteration which contact points stick and which slip. Where two of them
 slip by all but nothing these go round in turn. Here all points may slip, by what minimises the energy of the
-linearised rod and the work against friction, a convex problem: it says at once which ones do. Units of the
-cable, start clamp's frame.
+linearised rod and the work against friction, a convex problem where the cable is stable: it says at once
+which ones do. Units of the cable, start clamp's frame.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def ahead(point, lines, history, slip, lead):
 
     Both are along the rows of stick of the contact point (COLUMNS,).
     """
-    k, x, y, size, square = int(point[STICK_ROW]), 0.0, 0.0, 0.0, 0.0
+    k, x, y, square = int(point[STICK_ROW]), 0.0, 0.0, 0.0
     for a in range(3):
         square += point[SLIP_BEFORE + a] ** 2
     begins = square <= AT_REST**2
