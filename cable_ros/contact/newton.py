@@ -86,7 +86,7 @@ tolerance by which forces may go on changing then, over the end force, between t
 DENSE, MANY_ROWS = 45.0, 200.0
 """The square of this number of constraint rows takes as long as one unknown of the band, 2 us; and the number
 from which on they cost as its third power."""
-PATIENT, MOST_ON_CONES, NEARLY = 6, 12, 1e-7
+PATIENT, MOST_ON_CONES, NEARLY = 6, 12, 1e-10
 """Number of iterations in which points may find by themselves which of them stick and slip; of those in which
 Coulomb's law tells, see `coulomb_cones`; and the step, as LOOSE, at which these end."""
 LEAST_WORK = 80_000.0
