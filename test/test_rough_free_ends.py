@@ -93,6 +93,15 @@ def test_its_contacts_obey_coulomb(name):
             assert across <= FRICTION * normal * (1.0 + 1e-4) + 1e-6
 
 
+def test_friction_at_an_end_that_drags_is_all_that_there_is():
+    for one in ours("rests, dragged across"):
+        (at,) = one.contacts
+        normal = at.force @ at.normal
+        if at.sliding:
+            across = np.linalg.norm(at.force - normal * at.normal)
+            assert across == pytest.approx(FRICTION * normal, rel=1e-5)
+
+
 def test_an_end_that_drags_is_held_back_along_its_way():
     # in steps so short that the way has no time to turn
     found = ours("rests, dragged across", 160)

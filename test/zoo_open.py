@@ -146,10 +146,7 @@ DRAWN = {
     (184, 623): "back from taut over rough beams: 5.7, 3.8 and 1.1 % at three poses, it says 7 %",
     (184, 802): "a hose in 4 times as many poses: 1.6 % at one; it slides as friction pushes at another",
     (184, 926): "told in 4 times as many poses: 1.3 % at one, it says 0.3 %",
-    (
-        185,
-        102,
-    ): "a rough slot drawn across, told in three parts: by the last digit a grid's error is too large",
+    (185, 102): "a rough slot drawn across, told in three parts: lost to a grid by the last digit",
     (187, 321): "a ball pulls a cable taut: 2.6 % at the last pose before that is said, it says 2.7 %",
     (187, 515): "a ball pulls a cable taut: 1.7 % at the last pose before that is said, it says 2.9 %",
     (187, 648): "a lift leaves the ground at its first pose: 1.3 %, it says 2 %",

@@ -10,6 +10,7 @@ import numpy as np
 from cable_ros.branch.coupled_run import CoupledRun
 from cable_ros.branch.coupled_state import Shared
 from cable_ros.branch.coupling import LOOSE, Ends, across_ring, step_size
+from cable_ros.branch.followed_equilibrium import largest_difference
 from cable_ros.branch.grip import STUCK, Grip, friction_force, landed
 from cable_ros.branch.landing import INSIDE, Touch, caught, faced, let_go, touches
 from cable_ros.branch.loose_ends import ALONG, Face
@@ -295,7 +296,7 @@ class Balance(CoupledRun):
         carried = new[:3] + quaternion.rotate(turn, last.position - old[:3])
         if last.face is None or last.face.obstacle != face.obstacle:
             return Grip(0.0, landed(face.row, carried, now), False, np.zeros(3), 1.0)
-        ratio = float(np.abs(joints - self._joints).max()) / slid.step if slid.step else 1.0
+        ratio = largest_difference(joints, self._joints) / slid.step if slid.step else 1.0
         return Grip(0.0, carried, False, quaternion.rotate(turn, slid.way), ratio)
 
     def _caught(

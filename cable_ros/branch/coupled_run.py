@@ -21,6 +21,7 @@ from cable_ros.branch.coupling import (
     judged,
     residual_of,
 )
+from cable_ros.branch.followed_equilibrium import largest_difference
 from cable_ros.branch.grip import Slip
 from cable_ros.branch.loose_ends import LooseEnd
 from cable_ros.branch.loose_piece import LoosePiece
@@ -177,7 +178,7 @@ class CoupledRun:
         if self.state is not None:
             step = Step(joints - self._joints, self.state.step_to(state) + self._left - self._missed)
             if step.joints.any():
-                far = float(np.abs(step.joints).max())
+                far = largest_difference(joints, self._joints)
                 self._slid = [Slip(tip.slipped, far) for tip in state.tips]
             if not self._comparable:
                 self._steps = (step,)

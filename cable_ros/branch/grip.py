@@ -15,7 +15,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cable_ros.contact.distance import gap
-from cable_ros.contact.friction_kernels import STRAIGHT, lead_of
+from cable_ros.contact.friction_kernels import ahead, lead_of
+from cable_ros.contact.slip_kernels import may_have_slipped
 
 EXCESS = 1e-6
 """Of a force beyond mu N, as a fraction of it, at which an end still sticks."""
@@ -57,17 +58,15 @@ class Grip(NamedTuple):
         long = float(np.linalg.norm(way))
         if min(size, long) <= STUCK:
             return self.anchor
-        along = float(way @ self.slid) / (size * long)
-        part = lead_of(long, size, self.ratio)[0] * max(along, 0.0) ** STRAIGHT
-        out: np.ndarray = self.anchor + part / (1.0 + part) * long / size * self.slid
+        most, _ = lead_of(long, size, self.ratio)
+        share = ahead(long, size, float(way @ self.slid) / (size * long), most)
+        out: np.ndarray = self.anchor + share * self.slid
         return out
 
     def missed(self, position: np.ndarray) -> float:
         """How far it may have slipped, m, if it has come to rest within the step; see `slip_missed`."""
-        slid = self.ratio * self.slid  # if it had gone on as fast
         along = float((position - self.anchor) @ self.slid) if self.slips else 0.0
-        size = float(np.linalg.norm(slid))
-        return 0.5 * size if (1.0 + 2.0 * self.ratio) * along <= size**2 else 0.0
+        return float(may_have_slipped(along, float(np.linalg.norm(self.slid)), self.ratio))
 
     def slips_on(self, position: np.ndarray, push: np.ndarray) -> bool:
         """Whether it slips, by Coulomb's law, at a solution at `position` (3,).

@@ -54,8 +54,9 @@ MANY, SOME = 8, 5
 """Number of iterations in which rounding may lead out of a plane, and friction to a side."""
 UNEVEN = 1e-3
 """Difference of the elements' lengths from those counted from the other end, L, that leads to a side, too."""
-EASY = 12
-"""Maximum number of iterations of a step that was not hard to solve."""
+EASY, TURN_BACK = 12, 0.5
+"""Maximum number of iterations of a step that was not hard to solve, and the factor of one that was and in
+which friction turns back at a point: it may have stuck, and then the cable goes elsewhere."""
 EULER, LOADED = 4.0 * np.pi**2, 0.5
 """Force that buckles a straight cable between its clamps, EI / L^2; and the part of the stability margin that
 the end force may have changed by, over that, before stability is judged: what is pressed hardly turns first.
@@ -248,13 +249,15 @@ class ActiveSetRod(MobilisingRod):
             return found.code, None
         landing, (qe, re, _) = None, step.ends
         if self.model == COULOMB:
-            points, distance = step.kept[0], step.distance
-            self.stride = self._friction_stride(step.F, found.q, found.F, step.obstacles, points, distance)
+            points, distance, hard = step.kept[0], step.distance, found.iterations > EASY
+            self.stride = self._friction_stride(
+                step.F, found.q, found.F, step.obstacles, points, distance, hard
+            )
             addend = LEVER * distance + LEAST_LEAP
             farthest = FORESEEN * found.foreseen + (FEWER if fewer else 1.0) * addend
             leaps = distance > 0.0 and rotated > farthest and self._rotated(step.q, found.q) > farthest
-            if found.iterations > EASY:
-                self.stride = min(self.stride, self._hard_stride(step.F, found.F))
+            if hard and self._turns_back():
+                self.stride = min(self.stride, TURN_BACK)
             landing = self.landing(points) if distance > STILL else None
             again, onward = self._landing_strides(landing, distance, found.F)
             again = min(again, self.stride if leaps or self.stride < SHORTER else 1.0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from cable_ros.compilation import INNER, LEAF, njit
 from cable_ros.contact.distance import FRICTION_COEFFICIENT
-from cable_ros.contact.friction_kernels import AT_REST, HELD, LEAD, STRAIGHT, lead_of
+from cable_ros.contact.friction_kernels import AT_REST, HELD, LEAD, ahead, lead_of
 from cable_ros.contact.points import (
     BEFORE,
     FORCE,
@@ -28,7 +28,6 @@ from cable_ros.contact.points import (
     STICK_ROW,
 )
 from cable_ros.linalg import dense
-from cable_ros.linalg.bordered import missing, relax, respond
 
 MOST_POINTS = 12
 """Maximum number of contact points for which this is tried."""
@@ -79,15 +78,15 @@ def let_go(points, count):
 
 
 @njit(**INNER)
-def solve_on_cones(g, c, V, order, factors, small, swaps, contact, obstacles, history, s, y):
-    """As `bordered.kkt_solve`, with all points held and Coulomb's law in place of their rows of stick.
+def slip_on_cones(contact, obstacles, history, small, swaps, y):
+    """Let what is held slip in a step as Coulomb's law asks for, in place of its rows of stick.
 
     Args:
-        g, c, V, order, factors, small, swaps, s, y: as there.
         contact: the contact points (CAPACITY, COLUMNS), which receive their slip, their number, and `lines`
             of `ConstraintRows`.
         obstacles: (o, WIDTH).
         history: `History`.
+        small, swaps, y: of `bordered.kkt_multipliers`, which has found y with all points held; overwritten.
 
     Returns:
         Whether it has been solved.
@@ -96,10 +95,6 @@ def solve_on_cones(g, c, V, order, factors, small, swaps, contact, obstacles, hi
     rows = swaps.shape[0]
     if count == 0:
         return False  # it has left all that it touched
-    b = np.empty(rows)
-    relax(g, order, factors.U, factors.pivots, s)
-    missing(c, V, rows, s, b)
-    dense.solve_factored(small, swaps, b, y)
     which, n = np.empty(count, np.int64), 0
     for i in range(count):
         if points[i, STICK_ROW] > 0.0:
@@ -107,13 +102,13 @@ def solve_on_cones(g, c, V, order, factors, small, swaps, contact, obstacles, hi
             n += 1
     # what each slip does to all multipliers
     X, tau = np.empty((2 * n, rows)), np.empty(2 * n)
-    K, slip = np.empty((2 * n, 2 * n)), np.empty(2 * n)
+    K, slip, unit = np.empty((2 * n, 2 * n)), np.empty(2 * n), np.zeros(rows)
     for j in range(2 * n):
         i = which[j // 2]
         k = int(points[i, STICK_ROW]) + j % 2
-        b[:] = 0.0
-        b[k] = 1.0
-        dense.solve_factored(small, swaps, b, X[j])
+        unit[k] = 1.0
+        dense.solve_factored(small, swaps, unit, X[j])
+        unit[k] = 0.0
         tau[j], slip[j] = y[k], 0.0
         for a in range(3):
             tau[j] += points[i, FRICTION + a] * lines[k, a]
@@ -126,7 +121,9 @@ def solve_on_cones(g, c, V, order, factors, small, swaps, contact, obstacles, hi
         change, largest = 0.0, 0.0
         for m in range(n):
             i, own = which[m], slice(2 * m, 2 * m + 2)
-            change = max(change, ahead(points[i], lines, history, slip[own], lead[own]) * K[2 * m, 2 * m])
+            change = max(
+                change, move_ahead(points[i], lines, history, slip[own], lead[own]) * K[2 * m, 2 * m]
+            )
             force = points[i, FORCE] + y[3 + i]
             for j in range(2 * n):
                 force += X[j, 3 + i] * slip[j]
@@ -146,15 +143,15 @@ def solve_on_cones(g, c, V, order, factors, small, swaps, contact, obstacles, hi
         k = int(points[i, STICK_ROW])
         for a in range(3):
             points[i, SLIP + a] = slip[2 * m] * lines[k, a] + slip[2 * m + 1] * lines[k + 1, a]
-    respond(factors.Y, rows, y, s)
     return True
 
 
 @njit(**LEAF)
-def ahead(point, lines, history, slip, lead):
-    """From where friction opposes the slip (2,), see `lead`; returns by how much that, `lead` (2,), changes.
+def move_ahead(point, lines, history, slip, lead):
+    """From where friction opposes the slip (2,), see `ahead`; returns by how much that, `lead` (2,), changes.
 
-    Both are along the rows of stick of the contact point (COLUMNS,).
+    Both are along the rows of stick of the contact point (COLUMNS,). The turn of its obstacle in the step is
+    left out: the iterations that come after have it.
     """
     k, x, y, square = int(point[STICK_ROW]), 0.0, 0.0, 0.0
     for a in range(3):
@@ -171,8 +168,7 @@ def ahead(point, lines, history, slip, lead):
         if not begins:
             ratio = history.step / point[STEP_BEFORE] if point[STEP_BEFORE] > 0.0 else 1.0
             most, _ = lead_of(long, size, ratio)
-        part = most * max((slip[0] * x + slip[1] * y) / (long * size), 0.0) ** STRAIGHT
-        share = part / (1.0 + part) * long / size
+        share = ahead(long, size, (slip[0] * x + slip[1] * y) / (long * size), most)
     x, y = share * x - lead[0], share * y - lead[1]
     lead[0], lead[1] = lead[0] + RELAXED * x, lead[1] + RELAXED * y
     return max(abs(x), abs(y))

@@ -252,6 +252,19 @@ def lead_of(long, size, ratio):
     return long * long / ((size + long) * even), grows
 
 
+@njit(**LEAF_ENTRY)
+def ahead(long, size, along, most):
+    """From how far ahead of where slip began friction opposes it, over the slip before: `lead` as a place.
+
+    Args:
+        long, size: slip in this step, and, not 0, in the one before, of the same unit.
+        along: cosine of the angle between both.
+        most: of `lead_of`, or LEAD.
+    """
+    part = most * max(along, 0.0) ** STRAIGHT
+    return part / (1.0 + part) * long / size
+
+
 @njit(**LEAF)
 def across(vector, n):
     """Take the part along the normal n (3,) off the vector (3,); returns the size of the rest."""

@@ -52,9 +52,6 @@ from cable_ros.rod.elements import Mesh
 
 SHORT_STEP = 1e-3
 """Length of a step, L, below which what sticks along a patch is firmer."""
-TURN_BACK = 0.5
-"""Factor of a step that was hard to solve and in which friction turns back at a point: it may have stuck, and
-then the cable goes elsewhere."""
 STIFF_FORCE = 160.0
 """End force, EI / L^2, above which it is, too: a taut cable resists its clamps with about 2 F^1.5, EI / L^3,
 here as much as `BEDDING` allows for. At 7e4 an end force was a quarter too small, in whatever steps."""
@@ -225,7 +222,7 @@ class FrictionalRod(FixedSetRod):
 
     def _friction_stride(
         self, F: np.ndarray, q_new: np.ndarray, F_new: np.ndarray, obstacles: np.ndarray, before: np.ndarray,
-        distance: float,
+        distance: float, hard: bool,
     ) -> float:  # fmt: skip
         """By how much the next step may be longer than one that ended at (q_new, F_new); see `travel.stride`.
 
@@ -235,6 +232,7 @@ class FrictionalRod(FixedSetRod):
             before: (k, COLUMNS) contact points before. What comes down slips the way that it did in all of
                 the step.
             distance: its length, L.
+            hard: whether it was hard to solve: at points alone some may have slipped on its way that stick.
         """
         force = float(np.linalg.norm(F_new))
         slack = force < TAUT and not self.creeps  # near taut its force changes in any step
@@ -249,11 +247,12 @@ class FrictionalRod(FixedSetRod):
         if stopped and slack:
             longest = min(longest, stride(missed, SLIP_MISSED))
         longest = min(longest, stride(farthest_roll(self.points, self.count), ROLLED))
-        if landed or stopped or (self.has_patch and slack):
+        begins = landed or stopped
+        if begins or (slack and (hard or self.has_patch)):
             larger = max(float(np.linalg.norm(F)), force, self.least)
             change = float(np.linalg.norm(F_new - F)) / larger
             # all of a patch that slips may stop as soon as a point beside it bears
-            most = LANDING_CHANGE if at_point or not self.has_patch else FORCE_CHANGE
+            most = LANDING_CHANGE if at_point or (begins and not self.has_patch) else FORCE_CHANGE
             longest = min(longest, stride(change, most if slack else TAUT_FORCE_CHANGE))
             rate = self.followed.rate
             # the force at a free end is nothing, and foretells nothing
@@ -272,18 +271,6 @@ class FrictionalRod(FixedSetRod):
         if distance <= STILL:
             return np.inf, self.onward
         return (np.inf, np.inf) if landing is None else landing.strides(float(np.linalg.norm(F)))
-
-    def _hard_stride(self, F: np.ndarray, F_new: np.ndarray) -> float:
-        """By how much the next step may be longer than one that was hard to solve, from end force F to F_new.
-
-        On its way points may have stuck and slipped that did not at its end.
-        """
-        out = TURN_BACK if self._turns_back() else 2.0
-        force = float(np.linalg.norm(F_new))
-        if self.has_patch or self.creeps or force >= TAUT:
-            return out
-        change = float(np.linalg.norm(F_new - F)) / max(float(np.linalg.norm(F)), force, self.least)
-        return min(out, stride(change, FORCE_CHANGE))
 
     def _turns_back(self) -> bool:
         """Whether friction has turned back at a point that slips, in the last solve."""

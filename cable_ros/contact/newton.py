@@ -8,7 +8,7 @@ import numpy as np
 from cable_ros.compilation import INNER, LEAF_ENTRY, njit
 from cable_ros.contact.assembly import assemble_kkt
 from cable_ros.contact.contact_state import ContactSet, History, Last, Options, Shape, kkt_of
-from cable_ros.contact.coulomb_cones import hold, let_go, may_hold, solve_on_cones
+from cable_ros.contact.coulomb_cones import hold, let_go, may_hold, slip_on_cones
 from cable_ros.contact.detection import dipping, may_stay, release, update_active_set
 from cable_ros.contact.flattening import flatten
 from cable_ros.contact.force_updates import correct_forces, firmer, largest_change, sticks_now
@@ -40,7 +40,8 @@ from cable_ros.linalg.bordered import (
     give_way,
     is_minimum,
     kkt_matrix,
-    kkt_solve,
+    kkt_multipliers,
+    respond,
 )
 from cable_ros.linalg.copies import copy, copy_rows
 from cable_ros.rod import quaternion
@@ -280,15 +281,15 @@ def active_set_newton(last, conditions, obstacles, section, grid, contacts, kkt,
                 b[i] = gaps[i - 3]
             if tangent:
                 end_coupling(tangents, V, total_rows, theta, gv, b)
-            if on_cones == 0:
-                kkt_solve(gv, b, V, order, factors, small, swaps, s, y)
-            elif not solve_on_cones(
-                gv, b, V, order, factors, small, swaps, (points, count, rows.lines), obstacles, history, s, y
+            kkt_multipliers(gv, b, V, order, factors, small, swaps, s, y)
+            if on_cones > 0 and not slip_on_cones(
+                (points, count, rows.lines), obstacles, history, small, swaps, y
             ):
                 let_go(points, count)
                 total, worked = total + 1, worked + iteration_work(n, total_rows)
                 on_cones, holds, alone = 0, False, -MOST_IN_ALL
                 continue
+            respond(factors.Y, total_rows, y, s)
             if tangent:
                 for k in range(3):
                     s[n - 3 + k] = theta[k]

@@ -63,12 +63,23 @@ def slip_missed(points, count, step):
         slip, slid = points[i, SLIP : SLIP + 3], points[i, SLIP_BEFORE : SLIP_BEFORE + 3]
         if points[i, KIND] != POINT or norm(slid) <= AT_REST:
             continue
-        ratio, along = step / points[i, STEP_BEFORE], 0.0
+        along = 0.0
         for a in range(3):
             along += slip[a] * slid[a] if points[i, SLIPS] == 1.0 else 0.0
-        if (1.0 + 2.0 * ratio) * along <= (ratio * norm(slid)) ** 2:
-            missed = max(missed, 0.5 * ratio * norm(slid))
+        missed = max(missed, may_have_slipped(along, norm(slid), step / points[i, STEP_BEFORE]))
     return missed
+
+
+@njit(**LEAF_ENTRY)
+def may_have_slipped(along, size, ratio):
+    """`slip_missed` of one point, of the unit of `size`.
+
+    Args:
+        along: its slip times that in the step before, see `note_slip`; 0 if it sticks.
+        size: of its slip in the step before.
+        ratio: length of this step over that of the one before.
+    """
+    return 0.5 * ratio * size if (1.0 + 2.0 * ratio) * along <= (ratio * size) ** 2 else 0.0
 
 
 @njit(**LEAF_ENTRY)

@@ -345,6 +345,13 @@ def kkt_solve(g, c, V, order, factors, small, swaps, s, y):
         g, c, V, order, factors, s, y: as in `kkt_step`.
         small, swaps: (count, count), (count,) what `complement_factors` made of the complement.
     """
+    kkt_multipliers(g, c, V, order, factors, small, swaps, s, y)
+    respond(factors.Y, swaps.shape[0], y, s)
+
+
+@njit(**INNER)
+def kkt_multipliers(g, c, V, order, factors, small, swaps, s, y):
+    """`kkt_solve` up to the multipliers y; s is what there would be without, for `respond`."""
     count = swaps.shape[0]
     b = np.empty(count)
     relax(g, order, factors.U, factors.pivots, s)
@@ -353,7 +360,6 @@ def kkt_solve(g, c, V, order, factors, small, swaps, s, y):
         solve3(small, b, y)
     else:
         dense.solve_factored(small, swaps, b, y)
-    respond(factors.Y, count, y, s)
 
 
 @njit(**INNER)
