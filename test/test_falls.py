@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import partial
 from types import SimpleNamespace
 
@@ -67,6 +68,20 @@ def test_a_cable_falls_from_its_last_contact_however_the_path_is_told() -> None:
         ends.append(found[-1].end_wrench)
     for end in ends[1:]:
         assert np.linalg.norm(end - ends[0]) < SAME * np.linalg.norm(ends[0])
+
+
+def test_a_hose_that_falls_rests_at_the_same_place_however_the_path_is_told() -> None:
+    """In steps of up to 0.3 rad it slid over the ground another way: its force was 1.5 % off, told in four
+    parts, and as it gave way 4 %.
+    """
+    case, ends = drawn_case(190, 935, 1e-4), []
+    for parts in (1, 4):
+        tracker = Tracker(case_scene(case), tolerance=case.tolerance)
+        told = [*case.path[:23], *refined(case.path[23:27], parts)]
+        found = [tracker.arrive(joints)["cable"] for joints in told]
+        assert Counter(one.status for one in found)[Status.SNAPPED] == 1
+        ends.append(found[-1].end_wrench[:3])
+    assert np.linalg.norm(ends[1] - ends[0]) < 3e-3 * np.linalg.norm(ends[0])
 
 
 def led(

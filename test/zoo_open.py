@@ -172,7 +172,6 @@ DRAWN = {
     (190, 330): "over a rough edge, told in 4 times as many poses: 1.6 % at the last one, it says 1.1 %",
     (190, 449): "a lift that falls, told in 4 times as many poses: 1.5 % at one, it says 2.5 %",
     (190, 827): "a rough ball pushed up, pulled taut and back: 25 poses are reported until all has slipped",
-    (190, 935): "a hose that falls, told in 4 times as many poses: 1 to 4 % at 18, it says half of that",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {

@@ -35,11 +35,11 @@ below which it does not go since a step failed."""
 FEW, FASTER, MOST_FAILS, RETURNS = 2, 10.0, 4, 10
 """Number of steps that failed in a row after which the drag grows faster; its factor then, and where the fall
 goes back by a step; the number after which it does, and by how many steps at most."""
-CALM, LONGEST = 0.03, 0.3
+CALM, LONGEST = 0.03, 0.05
 """Maximum rotation of a section in a step, rad, after which the drag fades, and of any step."""
 STILL = 1e-4
 """Maximum drag times that rotation, rad, of a cable that is all but at rest."""
-STEPS = 400
+STEPS = 1500
 """Maximum number of steps."""
 TOLERANCE, LIMIT = 1e-7, 0.6
 """Of Newton's method in a step: its last rotation, and the maximum of any, rad."""
