@@ -9,9 +9,10 @@ import numpy as np
 
 from cable_ros.branch.failed_step import FailedStep, after_failure
 from cable_ros.branch.snap_through import goes_on, snap_and_record
-from cable_ros.branch.walk import VERY_TAUT, Continuation, End, Fallback, Path, Walk, norm
+from cable_ros.branch.walk import VERY_TAUT, Continuation, End, Fallback, Path, Walk
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.units import norm
 
 FALLBACK_LYING_WORK = 45_000
 """Maximum work, iterations times unknowns, spent on one step before a rod that lies along an obstacle with

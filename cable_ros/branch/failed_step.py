@@ -9,11 +9,12 @@ import numpy as np
 
 from cable_ros.branch.cold_start import Conditions
 from cable_ros.branch.snap_through import SMALL, SNAP_WORK, snap_and_record
-from cable_ros.branch.walk import End, Sound, Walk, norm
+from cable_ros.branch.walk import End, Sound, Walk
 from cable_ros.contact.travel import TAUT
 from cable_ros.contact.viscous_flow import leaning
 from cable_ros.rod import warm_step
 from cable_ros.rod.kirchhoff import FREE_TO_TURN
+from cable_ros.rod.units import norm
 
 SHORTEST = 1e-4
 """Minimum step, as a fraction of the longest: if it fails, the branch ends."""

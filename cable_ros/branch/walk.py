@@ -14,6 +14,7 @@ from cable_ros.branch.snap_through import SnapThrough, fall_with_friction
 from cable_ros.contact.nodal_rod import NodalRod
 from cable_ros.contact.travel import travel
 from cable_ros.rod.kirchhoff import Rod
+from cable_ros.rod.units import norm
 
 VERY_TAUT = 1e4
 """`TAUT` of a cable whose end the extrapolation tells to 1 % of its slack."""
@@ -182,7 +183,3 @@ class Walk:
         self.q, self.F, self.last = found.q, found.F, rod.work
         self.forces = [(self.at, norm(self.F))]
         return True
-
-
-def norm(F: np.ndarray) -> float:
-    return float(np.linalg.norm(F))

@@ -25,6 +25,7 @@ from cable_ros.contact.travel import SHORTER, SHORTEST, travel
 from cable_ros.rod import quaternion, warm_step
 from cable_ros.rod.elements import Mesh, end_bubbles
 from cable_ros.rod.loaded_contacts import LoadedContacts
+from cable_ros.rod.units import norm
 from cable_ros.rod.without_contact import SAME
 
 FAILED = warm_step.NOT_CONTRACTING, warm_step.TOO_FAR, REVERSES
@@ -318,7 +319,7 @@ class ActiveSetRod(MobilisingRod):
         self.rotation_before = self.rotation + rotated
         self.rotation = turned if self.count == step.kept[1] else 0.0
         # factors that this step has made are those of an iteration, not of where it ends
-        presses = float(np.linalg.norm(F - step.F)) / EULER
+        presses = norm(F - step.F) / EULER
         self.loaded = presses if self.rotation == 0.0 else was_loaded + presses
         self.mesh = Mesh(self.mesh.element, self.h.copy())
         left_unstable = False

@@ -26,13 +26,13 @@ from cable_ros.contact.points import (
     POINT,
     SAMPLE,
     SLIP_ROW,
-    SLIPS,
     SLOPE_ROW,
     STICK_ROW,
     total_force,
 )
 from cable_ros.contact.resolution import misplaced
 from cable_ros.contact.response import HELD, UNSTRAINED
+from cable_ros.contact.rough_points import slip_rows
 from cable_ros.rod import entry_points
 from cable_ros.rod.centreline import curve
 from cable_ros.rod.elements import Mesh
@@ -341,14 +341,11 @@ class ConstrainedRod(Rod):
         Friction turns with slip, by the force over the length of slip: in short steps it would hold anything,
         though what is uneven by nothing grows as slip goes on.
         """
-        points = self.points[: self.count]
-        slips = (points[:, SLIPS] == 1.0) & (points[:, SLIP_ROW] > 0.0) & (points[:, FORCE] > 0.0)
-        if self.model != COULOMB or not slips.any():
-            return NO_ROWS, np.zeros(0)
-        rows = points[slips, SLIP_ROW].astype(int)
-        gives = SLIP_JUDGED / np.maximum(self._coefficients()[slips] * points[slips, FORCE], 1e-300)
-        short = self.delta[rows] < gives
-        return rows[short], gives[short]
+        rows, gives = np.empty(self.count, np.int64), np.empty(self.count)
+        if self.model != COULOMB or self.obstacles is None:
+            return NO_ROWS, gives[:0]
+        n = slip_rows(self.points, self.count, self.obstacles, self.delta, SLIP_JUDGED, rows, gives)
+        return rows[:n], gives[:n]
 
     def _coefficients(self, points: np.ndarray | None = None) -> np.ndarray:
         """(k,) coefficients of friction of the obstacles that `points` (k, COLUMNS) are on, or its own."""

@@ -29,6 +29,7 @@ from cable_ros.contact.points import (
     SAMPLE,
     SLIPS,
 )
+from cable_ros.contact.rough_points import bearable_friction, touches_rough
 from cable_ros.contact.slip_kernels import farthest_roll, has_new_point, slip_bend, slip_change, slip_missed
 from cable_ros.contact.travel import (
     CONTACT_STEP,
@@ -49,6 +50,7 @@ from cable_ros.contact.travel import (
 )
 from cable_ros.rod import quaternion
 from cable_ros.rod.elements import Mesh
+from cable_ros.rod.units import norm
 
 SHORT_STEP = 1e-3
 """Length of a step, L, below which what sticks along a patch is firmer."""
@@ -66,7 +68,9 @@ class FrictionalRod(FixedSetRod):
     @property
     def frictional(self) -> bool:  # type: ignore[override]
         """Whether it touches something with friction."""
-        return self.model != FRICTIONLESS and bool(self._on_rough().any())
+        if self.model == FRICTIONLESS or self.obstacles is None:
+            return False
+        return bool(touches_rough(self.points, self.count, self.obstacles))
 
     @property
     def lies(self) -> bool:  # type: ignore[override]
@@ -186,15 +190,13 @@ class FrictionalRod(FixedSetRod):
 
         Those at a clamp are left out: they may press as hard as they like, and hold what it holds anyway.
         """
-        points = self.points[: self.count]
-        if held:
-            points = points[points[:, SLIPS] == 0.0]
-        away = np.minimum(points[:, ARC_LENGTH], 1.0 - points[:, ARC_LENGTH]) > RESTING
-        return float((self._coefficients(points) * away) @ np.maximum(points[:, FORCE], 0.0))
+        if self.obstacles is None:
+            return 0.0
+        return float(bearable_friction(self.points, self.count, self.obstacles, RESTING, held))
 
     def path_error(self, F: np.ndarray) -> float:
         error = self.followed.of_force
-        return error / max(float(np.linalg.norm(F)), self.least, 1e-3) if error else 0.0
+        return error / max(norm(F), self.least, 1e-3) if error else 0.0
 
     def _set_bedding(self, distance: float, F: np.ndarray) -> None:
         """Let what sticks along a patch yield in proportion to a short step, by its length, L.
@@ -205,7 +207,7 @@ class FrictionalRod(FixedSetRod):
         """
         if distance == 0.0 or self.creeps:
             return
-        pull = max(float(np.linalg.norm(F)), float(np.linalg.norm(self.start_force(F))))
+        pull = max(norm(F), norm(self.start_force(F)))
         firmer = max(1.0, SHORT_STEP / distance) * max(1.0, pull / STIFF_FORCE) ** 1.5
         bedding = self.softest_bedding * 4.0 ** round(math.log(firmer, 4.0))
         if bedding != self.bedding:
@@ -234,7 +236,7 @@ class FrictionalRod(FixedSetRod):
             distance: its length, L.
             hard: whether it was hard to solve: at points alone some may have slipped on its way that stick.
         """
-        force = float(np.linalg.norm(F_new))
+        force = norm(F_new)
         slack = force < TAUT and not self.creeps  # near taut its force changes in any step
         most = (LYING_CHANGE if slack else TAUT_CHANGE) if self.has_patch else POINTS_CHANGE
         longest = stride(self._friction_change(q_new, F_new, obstacles, most), most)
@@ -249,15 +251,15 @@ class FrictionalRod(FixedSetRod):
         longest = min(longest, stride(farthest_roll(self.points, self.count), ROLLED))
         begins = landed or stopped
         if begins or (slack and (hard or self.has_patch)):
-            larger = max(float(np.linalg.norm(F)), force, self.least)
-            change = float(np.linalg.norm(F_new - F)) / larger
+            larger = max(norm(F), force, self.least)
+            change = norm(F_new - F) / larger
             # all of a patch that slips may stop as soon as a point beside it bears
             most = LANDING_CHANGE if at_point or (begins and not self.has_patch) else FORCE_CHANGE
             longest = min(longest, stride(change, most if slack else TAUT_FORCE_CHANGE))
             rate = self.followed.rate
             # the force at a free end is nothing, and foretells nothing
             if rate is not None and slack and self.has_patch and distance > STILL and larger > self.least:
-                bend = float(np.linalg.norm(F_new - F - distance * rate)) / larger
+                bend = norm(F_new - F - distance * rate) / larger
                 longest = min(longest, stride(bend, FORCE_BEND))
         return longest
 
@@ -270,7 +272,7 @@ class FrictionalRod(FixedSetRod):
         """
         if distance <= STILL:
             return np.inf, self.onward
-        return (np.inf, np.inf) if landing is None else landing.strides(float(np.linalg.norm(F)))
+        return (np.inf, np.inf) if landing is None else landing.strides(norm(F))
 
     def _turns_back(self) -> bool:
         """Whether friction has turned back at a point that slips, in the last solve."""
@@ -286,7 +288,7 @@ class FrictionalRod(FixedSetRod):
         """
         self.unforeseen = 0.0
         change, possible = slip_change(self.points, self.count, obstacles)
-        possible = max(possible, math.sqrt(F.dot(F)))
+        possible = max(possible, norm(F))
         if change == 0.0 or (self.has_patch and change <= SHORTER * most * possible):
             return 0.0
         if not self.has_patch:
