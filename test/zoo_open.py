@@ -172,6 +172,7 @@ DRAWN = {
     (190, 330): "over a rough edge, told in 4 times as many poses: 1.6 % at the last one, it says 1.1 %",
     (190, 449): "a lift that falls, told in 4 times as many poses: 1.5 % at one, it says 2.5 %",
     (190, 827): "a rough ball pushed up, pulled taut and back: 25 poses are reported until all has slipped",
+    (190, 1261): "a heavy lift, on a grid at its first pose: 1.2 % off finer steps, it says 1.6 %",
 }
 """By seed and index of `drawn_case`, what is amiss."""
 OF_A_KIND = {
