@@ -341,9 +341,9 @@ class ConstrainedRod(Rod):
         Friction turns with slip, by the force over the length of slip: in short steps it would hold anything,
         though what is uneven by nothing grows as slip goes on.
         """
-        rows, gives = np.empty(self.count, np.int64), np.empty(self.count)
         if self.model != COULOMB or self.obstacles is None:
-            return NO_ROWS, gives[:0]
+            return NO_ROWS, np.zeros(0)
+        rows, gives = np.empty(self.count, np.int64), np.empty(self.count)
         n = slip_rows(self.points, self.count, self.obstacles, self.delta, SLIP_JUDGED, rows, gives)
         return rows[:n], gives[:n]
 

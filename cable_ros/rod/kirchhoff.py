@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import chain
@@ -16,6 +15,7 @@ from cable_ros.rod.clamp_stiffness import clamp_response
 from cable_ros.rod.elements import Mesh, enrichment
 from cable_ros.rod.energy_kernels import workspace
 from cable_ros.rod.rod_state import ENERGY
+from cable_ros.rod.units import norm
 from cable_ros.rod.without_contact import NOTHING, WithoutContact
 from cable_ros.solve.trust_region import Options, minimize
 
@@ -122,7 +122,7 @@ class Rod(WithoutContact):
 
     def chord(self, qe: np.ndarray, re: np.ndarray) -> float:
         """Least distance of the cable's ends, L, with an end frame qe (4,) at re (3,)."""
-        return math.sqrt(re.dot(re))  # in a fifth of norm's time
+        return norm(re)
 
     def on_end(self, q: np.ndarray) -> np.ndarray:
         """A copy of the frames q (n, 4) whose last one is on the end frame."""
